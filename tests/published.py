@@ -94,13 +94,13 @@ def operating(procedure: str, seed: int, size: int) -> Figures:
             p = next(
                 row.pass_probability
                 for row in found
-                if row.best_of == best_of and abs(row.true / limit - 1 - over / 100) < 1e-9
+                if row.best_of == best_of and abs(row.true_value / limit - 1 - over / 100) < 1e-9
             )
             figures[f"{words}, {over} % over"] = share(p * size, size)
         p, u = figures[f"one test, {over} % over"]
         figures[f"best of 3 laboratories, {over} % over"] = 1 - (1 - p) ** 3, 3 * (1 - p) ** 2 * u
     one = [row for row in found if row.best_of == 1][:POINTS]
-    true, passes = np.array([[row.true, row.pass_probability] for row in one]).T
+    true, passes = np.array([[row.true_value, row.pass_probability] for row in one]).T
     for accepted, words in zip(
         found.acceptance_limits[procedure], ("one test", "best of 3 laboratories"), strict=True
     ):

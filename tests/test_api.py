@@ -213,7 +213,7 @@ def test_a_test_without_a_result_states_the_reason(tmp_path: Path) -> None:
     assert "no score: the test has no result" in vl.score(tmp_path / "test").text
     row = vl.sweep("r161", procedures=rules, laboratories=1, seed=2, progress=quiet).iloc[0]
     assert (row["verdict"], row["reason"]) == ("INVALID", "fewer than two hits were valid")
-    assert np.isnan([row["value"], row["true"], row["restitution_true"]]).all()
+    assert np.isnan([row["value"], row["true_value"], row["restitution_true"]]).all()
 
 
 def test_a_sweep_states_why_a_bat_fails() -> None:
@@ -366,9 +366,9 @@ def test_a_sweep_is_its_tests_one_by_one() -> None:
     (alone,) = lab.RoundRobin.of("r161", "proposed").run(1, 4, first=1)
     row = table.iloc[4]
     assert row["value"] == pytest.approx(alone.certification.metric.value / 0.44704, rel=1e-12)
-    assert row["true"] == pytest.approx(alone.sealed.measurand["metric"] / 0.44704, rel=1e-12)
+    assert row["true_value"] == pytest.approx(alone.sealed.measurand["metric"] / 0.44704, rel=1e-12)
     assert (row["metric"], row["unit"]) == ("v_f", "mph")
-    assert row["error"] == pytest.approx(row["value"] - row["true"])
+    assert row["error"] == pytest.approx(row["value"] - row["true_value"])
     assert row["low"] < row["value"] < row["high"]
     with pytest.raises(vl.InputError, match="seed"):
         vl.sweep("r161", seed=0.5, progress=quiet)  # type: ignore[arg-type]
@@ -384,9 +384,9 @@ def test_individual_bats_of_a_sweep_are_those_of_certify() -> None:
     )
     alone = lab.certify_bat(setup)
     assert table["value"][5] == alone.certification.metric.value
-    assert table["true"][5] == alone.sealed.measurand["metric"]
+    assert table["true_value"][5] == alone.sealed.measurand["metric"]
     nominal = vl.sweep("r161", laboratories=6, seed=4, progress=quiet)
-    assert table["true"].std() > 3 * nominal["true"].std()
+    assert table["true_value"].std() > 3 * nominal["true_value"].std()
 
 
 def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:

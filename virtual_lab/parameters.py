@@ -63,6 +63,11 @@ def read_path(value: Any) -> Path:
     return Path(read_name(value))
 
 
+def read_document(value: Any) -> Any:
+    """Return a mapping as a dictionary, or the path of a file as a `Path`."""
+    return dict(value) if isinstance(value, Mapping) else read_path(value)
+
+
 def read_folder(value: Any) -> Path:
     """Return the path of a folder. Raise `ValueError` for the path of a file."""
     path = read_path(value)
@@ -265,11 +270,15 @@ PicturePaths = Annotated[str | Path | Sequence[str | Path], several(FILE, "paths
 AnyParticulars = Annotated[
     str | Path | Mapping[str, Any],
     ParameterRule(
-        read=lambda value: dict(value) if isinstance(value, Mapping) else read_path(value),
+        read=read_document,
         allowed="a file of particulars, its keys and values, or the folder of a laboratory",
         metavar="FILE",
         kind="file",
     ),
+]
+AnyDocument = Annotated[
+    str | Path | Mapping[str, Any],
+    replace(FILE, read=read_document, allowed="a file, or its keys and values"),
 ]
 Folder = Annotated[str | Path, FOLDER]
 AnyLaboratory = Annotated[

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.files import parse_toml
+from virtual_lab.files import parse_toml, read_text
 from virtual_lab.parameters import (
     FILE,
     SEED,
@@ -532,6 +532,16 @@ def toml_text(document: Mapping[str, Any]) -> str:
     Raises `InputError` for a value that TOML cannot hold, such as None.
     """
     return "\n".join(_lines(document, "")) + "\n"
+
+
+def document_text(document: str | Path | Mapping[str, Any], name: str) -> tuple[str, str]:
+    """Return a document as TOML text, and its place in messages.
+
+    The document is a file, or its keys and values. The place of the latter is `name`.
+    """
+    if isinstance(document, Mapping):
+        return toml_text(document), name
+    return read_text(Path(document)), str(document)
 
 
 def _lines(table: Mapping[str, Any], prefix: str) -> list[str]:

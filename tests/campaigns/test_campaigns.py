@@ -52,7 +52,7 @@ def test_a_row_is_the_laboratory_of_its_number_and_day(made: Path, repeat: int) 
     for name, value in (("value", metric.value), ("u", metric.u), ("dof", metric.dof)):
         assert row[name] == pytest.approx(value, rel=1e-9), name
     assert (row["low"], row["high"]) == pytest.approx(metric.interval_95, rel=1e-9)
-    assert row["true"] == pytest.approx(tested.sealed.measurand["metric"], rel=1e-9)
+    assert row["true_value"] == pytest.approx(tested.sealed.measurand["metric"], rel=1e-9)
     for name, budget in tested.certification.quantities.items():
         assert row[name] == pytest.approx(budget.value, rel=1e-9)
         assert row[f"{name}_u"] == pytest.approx(budget.u, rel=1e-9)
@@ -123,7 +123,7 @@ def test_a_test_without_a_result_is_blank(tmp_path: Path) -> None:
     vl.campaign(study, tmp_path / "c")
     table = vl.Campaign.open(tmp_path / "c").table
     assert (table["verdict"] == "INVALID").all()
-    blank = table[["value", "u", "low", "true", "restitution", "contribution.hits"]]
+    blank = table[["value", "u", "low", "true_value", "restitution", "contribution.hits"]]
     assert blank.isna().all(axis=None)
     (row,) = vl.Campaign.open(tmp_path / "c").summary()
     assert (row["tests"], row["mean"], row["coverage"]) == (3, None, None)
@@ -294,8 +294,8 @@ def test_the_summary_agrees_with_the_table(made: Path) -> None:
     table = vl.Campaign.open(made).table
     for row, (_, own) in zip(summary, table.groupby(COLUMN), strict=True):
         sound = own[own["verdict"] != "INVALID"]
-        error = sound["value"] - sound["true"]
-        held = (sound["true"] >= sound["low"]) & (sound["true"] <= sound["high"])
+        error = sound["value"] - sound["true_value"]
+        held = (sound["true_value"] >= sound["low"]) & (sound["true_value"] <= sound["high"])
         pairs = sound.pivot_table(index="laboratory", columns="repeat", values="value")
         within = np.sqrt(((pairs[0] - pairs[1]) ** 2 / 2).mean())
         assert row["tests"] == 12
@@ -391,7 +391,7 @@ def no_study(folder: Path) -> None:
     [
         (foreign_file, "not part of this campaign"),
         (other_version, "of another version"),
-        (other_schema, "schema = 2; this version reads only schema 3; begin the campaign in a new"),
+        (other_schema, "schema = 2; this version reads only schema 4; begin the campaign in a new"),
         (other_seed, "digest"),
         (no_study, "cannot be read"),
     ],

@@ -142,7 +142,7 @@ def test_laboratories_of_an_individual_study_have_the_bats_of_their_certificates
     for individual in (False, True):
         folder = tmp_path / str(individual)
         vl.campaign({**study, "individual": individual}, folder)
-        true[individual] = vl.Campaign.open(folder).table["true"][1]
+        true[individual] = vl.Campaign.open(folder).table["true_value"][1]
     sealed = vl.certify("r161", seed=5, number=1).sealed
     assert sealed is not None
     assert true[True] == pytest.approx(sealed.measurand["metric"], rel=1e-9)
@@ -364,7 +364,7 @@ def test_the_summary_tells_above_from_below() -> None:
             "u": [0.1] * 4,
             "low": [0.8] * 4,
             "high": [1.2] * 4,
-            "true": [1.3, 1.25, 0.7, 1.0],
+            "true_value": [1.3, 1.25, 0.7, 1.0],
         }
     )
     case = StudyCase("r161", "astm-f1881", False, {})

@@ -192,7 +192,7 @@ def test_score_gives_errors_in_units_and_in_u(tested: Path, run: Run) -> None:
     document = json.loads(run("score", str(tested), "--json")[1])
     for name in ("metric", "collision_efficiency", "restitution", "recoil_factor"):
         row = document[name]
-        assert row["error"] == row["value"] - row["true"]
+        assert row["error"] == row["value"] - row["true_value"]
         assert row["z"] == pytest.approx(row["error"] / row["u"])
         assert abs(row["z"]) < 4
 
@@ -220,7 +220,7 @@ def test_an_ideal_test_measures_the_truth(run: Run) -> None:
     assert (document.pop("seal"), document.pop("state")) == ("whole", "whole")
     assert document.pop("faults") == []
     for name, row in ((name, row) for name, row in document.items() if isinstance(row, dict)):
-        assert row["value"] == pytest.approx(row["true"], rel=1e-9), name
+        assert row["value"] == pytest.approx(row["true_value"], rel=1e-9), name
 
 
 def test_results_go_to_the_first_free_folder(run: Run, tmp_path: Path) -> None:

@@ -321,6 +321,10 @@ def test_python_returns_tables(folder: Path) -> None:
     true = np.hypot(*FILM.velocity_in) * 5.0
     assert abs(speed - true) < 3 * track.flights["speed_out_u_m_per_s"].iloc[0]
     assert list(track.contacts["contact_kind"]) == ["struck"]
+    none = replace(track, clip=replace(track.clip, contacts=[], flights=[]))
+    for name in ("contacts", "flights"):
+        assert getattr(none, name).empty
+        assert list(getattr(none, name)) == list(getattr(track, name))
     assert len(track.places) >= 40
     assert "flights" in repr(track)
     assert "the frame rate is the file's own" in track.text

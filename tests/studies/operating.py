@@ -32,15 +32,17 @@ BATS = {
 def main(path: str) -> None:
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
-        out.writerow(["bat", "changed", "true", "counted", "predicted", "z", "errors_of"])
+        out.writerow(["bat", "changed", "true_value", "counted", "predicted", "z", "errors_of"])
         for name, changes in BATS.items():
             counts = {}
             for number, changed in enumerate(changes):
                 bat = vl.bat(name).with_(changed)
                 about = {"laboratories": TESTS, "seed": SEED + number, "progress": quiet}
                 tests = vl.sweep(bat, procedures=["bbcor"], **about)
-                passed = tests["true"] + tests["error"] <= LIMIT
-                counts[tests["true"].mean()] = ((tests["verdict"] != "INVALID") & passed).mean()
+                passed = tests["true_value"] + tests["error"] <= LIMIT
+                counts[tests["true_value"].mean()] = (
+                    (tests["verdict"] != "INVALID") & passed
+                ).mean()
             predictions = vl.operating(
                 name, procedures=["bbcor"], true=list(counts), laboratories=TESTS, progress=quiet
             )

@@ -17,6 +17,7 @@ import virtual_lab as vl
 from tests.studies.interlab import summarize
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.files import parse_toml
 from virtual_lab.lab.setup import TestSetup as Setup
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.stations.rig import Stage
@@ -280,6 +281,13 @@ def test_a_factor_that_is_left_out_stays_nominal(study: Path) -> None:
     lots = [each.specimen.balls.spec.restitution.slope for each in (first, second)]
     assert lots[0] != lots[1]
     assert first.specimen.balls.spec.stiffness == second.specimen.balls.spec.stiffness
+
+
+def test_a_study_may_be_a_mapping(study: Path) -> None:
+    keys = parse_toml(STUDY, "")
+    assert list(vl.interlab(keys, predict=True)) == list(vl.interlab(study, predict=True))
+    with pytest.raises(vl.InputError, match=r"^study: laboratories = 'four'"):
+        vl.interlab(keys | {"laboratories": "four"}, predict=True)
 
 
 def test_an_empty_factor_has_the_spread_of_the_users_own_sheet(study: Path) -> None:

@@ -38,20 +38,20 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
     valid = tests["verdict"] != "INVALID"
     rows = curve(found, 1)
     assert 0 < valid.sum() < LABORATORIES
-    assert [row.true for row in points(found, 1)[POINTS:]] == pytest.approx(
+    assert [row.true_value for row in points(found, 1)[POINTS:]] == pytest.approx(
         [1.2, 1.212, 1.224, 1.26]
     )
     for row in points(found, 1)[POINTS:]:
-        passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
+        passed = (valid & (row.true_value + tests["error"] <= 1.2)).sum()
         assert row.pass_probability == pytest.approx(passed / LABORATORIES)
     for row in rows:
-        passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
+        passed = (valid & (row.true_value + tests["error"] <= 1.2)).sum()
         assert row.pass_probability == pytest.approx(passed / LABORATORIES)
         assert row.pass_probability_if_valid == pytest.approx(passed / valid.sum())
         assert row.pass_probability_low <= row.pass_probability <= row.pass_probability_high
     chances = [row.pass_probability for row in rows]
     assert chances == sorted(chances, reverse=True)
-    assert 1.2 - rows[0].true == pytest.approx(rows[-1].true - 1.2)
+    assert 1.2 - rows[0].true_value == pytest.approx(rows[-1].true_value - 1.2)
 
 
 def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
@@ -62,7 +62,7 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
         p = one.pass_probability
         band = stats.binomtest(round(p * LABORATORIES), LABORATORIES).proportion_ci()
         half = (band.high - band.low) / 2
-        cells = [f"{one.true:.4g}", f"{100 * (one.true / 1.2 - 1):+.1f} %"]
+        cells = [f"{one.true_value:.4g}", f"{100 * (one.true_value / 1.2 - 1):+.1f} %"]
         cells += [f"{100 * p:.1f} ± {100 * half:.1f} %", f"{100 * best.pass_probability:.1f} ± "]
         three = f"{100 * (1 - (1 - p) ** 3):.1f} ± {300 * (1 - p) ** 2 * half:.1f} %"
         (line,) = (line for line in answer.splitlines() if line.startswith(cells[0] + " "))
@@ -89,7 +89,7 @@ def test_other_true_metrics_are_answered() -> None:
         "softball-34", procedures=["asa"], true=[80, 90.5], laboratories=30, progress=quiet
     )
     far, over = points(stated, 1, "asa")[-2:]
-    assert (far.true, over.true) == pytest.approx((80, 90.5))
+    assert (far.true_value, over.true_value) == pytest.approx((80, 90.5))
     assert far.pass_probability > 0.8
     assert far.pass_probability_if_valid == 1
     assert over.pass_probability == 0
@@ -114,7 +114,7 @@ def test_the_best_of_three_passes_more(found) -> None:
 
 def test_more_hits_make_the_curve_steeper(found) -> None:
     few, many = (curve(found, 1, name) for name in dict.fromkeys(row.procedure for row in found))
-    width = [rows[-1].true - rows[0].true for rows in (few, many)]
+    width = [rows[-1].true_value - rows[0].true_value for rows in (few, many)]
     assert width[1] < 0.75 * width[0]
     assert "at least one of three tests" in found.text
     assert "joint" in found.text
@@ -154,8 +154,10 @@ def test_a_row_has_the_errors_of_a_bat_with_its_metric() -> None:
         {f"body.material.{key}": f"{each * float(factor)} GPa" for key, each in moduli.items()}
     )
     tests = vl.sweep(bat, procedures="bbcor", laboratories=300, seed=1, progress=quiet)
-    assert tests["true"].mean() == pytest.approx(0.5, abs=1.5e-4)
-    passed = np.mean((tests["verdict"] != "INVALID") & (tests["true"] + tests["error"] <= 0.5))
+    assert tests["true_value"].mean() == pytest.approx(0.5, abs=1.5e-4)
+    passed = np.mean(
+        (tests["verdict"] != "INVALID") & (tests["true_value"] + tests["error"] <= 0.5)
+    )
     assert row.pass_probability == pytest.approx(passed, abs=0.06)
     assert points(stated, 1, "bbcor")[-1].errors_of == "r161"  # no wood bat is 5 % over the limit
 
@@ -163,4 +165,4 @@ def test_a_row_has_the_errors_of_a_bat_with_its_metric() -> None:
 def test_the_limit_applies_to_an_exempt_bat_which_the_text_says() -> None:
     curves = vl.operating("r161", procedures="bbcor", laboratories=3, progress=quiet)
     assert "r161 by bbcor: no test required: one-piece wood" in curves.text
-    assert {row.true > 0.5 for row in curves} == {True, False}
+    assert {row.true_value > 0.5 for row in curves} == {True, False}

@@ -65,6 +65,14 @@ def test_plans_by_price(prices):
     )
 
 
+def test_prices_may_be_a_mapping(prices):
+    keys = parse_toml(PRICES, "")
+    assert Prices.read(keys) == Prices.read(prices)
+    wrong = keys | {"per_ball": {"value": 6, "unit": "USD", "source": "shop"}}
+    with pytest.raises(InputError, match=r"^prices: .*per_ball is in USD, but per_minute in EUR"):
+        vl.plan("asa", bat="softball-34", target_u=0.11, prices=wrong)
+
+
 def test_offered_sheet_replaces_the_instrument(prices, tmp_path):
     vl.instrument("balance-stand").with_(offset_u="0.02 mm").save(tmp_path / "stand.toml")
     offer = 'source = "offer", sheet = "stand.toml"'

@@ -42,7 +42,7 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     assert (document["seal"], document["state"], scored.code) == ("whole", "whole", 0)
     assert (document["altered"], document["differs"], document["sheets"]) == ([], [], ())
     metric = document["metric"]
-    error = metric["value"] - metric["true"]
+    error = metric["value"] - metric["true_value"]
     assert metric["z"] == pytest.approx(error / metric["u"])
     *_, seal, replay, sealing = scored.text.splitlines()
     assert (seal, replay) == ("The seal is intact.", "Played again: truth and records agree.")

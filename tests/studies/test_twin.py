@@ -107,7 +107,9 @@ def test_the_truth_behind_the_records_does_not_matter(tmp_path: Path) -> None:
         (tmp_path / name / "truth").mkdir()
         (tmp_path / name / "truth" / "truth.json").write_text(truth)
         answers.append(vl.twin(tmp_path / name, days=100, full_days=0, progress=quiet).document)
+    answers.append(vl.twin(ours, days=100, full_days=0, progress=quiet).document)
     assert answers[0] == answers[1]
+    assert answers[2]["quantities"] == answers[0]["quantities"]
     assert answers[0]["quantities"][0]["quantity"] == "metric"
 
 

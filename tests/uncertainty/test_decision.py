@@ -1,5 +1,7 @@
 """Risks of decisions against JCGM 106, another program's numbers, and counted items."""
 
+import json
+import pickle
 from math import inf, nan
 
 import numpy as np
@@ -65,6 +67,20 @@ def test_global_risks_agree_with_counted_items(prior: vl.Input) -> None:
     assert "consumer's risk, P(accepted and not conforming): joint" in text
     assert "producer's risk, P(rejected | conforming): conditional" in text
     assert text.startswith("prior: ")
+
+
+def test_a_probability_and_a_guard_band_print_their_meaning() -> None:
+    chance = vl.conformity(1.140, 0.0074, upper=1.15)
+    band = vl.guard_band(0.04, upper=1500, r=1)
+    assert str(chance) == repr(chance)
+    assert repr(chance).startswith("0.9117")
+    assert "P(conforming): the true value of this item is within the limits" in repr(chance)
+    assert f"{chance:.2f}" == "0.91"
+    assert json.loads(json.dumps(1 - chance)) == 1 - chance
+    assert json.loads(json.dumps(chance)) == chance == pickle.loads(pickle.dumps(chance))
+    assert repr(band) == "guard band 0.08; accepted within (-inf, 1499.92)"
+    assert (band.width, band.lower, band.upper) == tuple(band)
+    assert sum(band[::2]) == pytest.approx(1500)
 
 
 def test_guard_bands_meet_their_risk() -> None:

@@ -83,16 +83,16 @@ class Track:
     @cached_property
     def flights(self) -> pd.DataFrame:
         """One row per flight, as in ``speeds.csv``, each quantity with its u."""
-        from virtual_lab.video.show.track_text import flight_rows
+        from virtual_lab.video.show.track_text import OF_FLIGHT, estimate_table, flight_rows
 
-        return _table(flight_rows(self.clip))
+        return with_units(estimate_table(flight_rows(self.clip), OF_FLIGHT))
 
     @cached_property
     def contacts(self) -> pd.DataFrame:
         """One row per contact: time, frame, kind, restitution with its u."""
-        from virtual_lab.video.show.track_text import contact_rows
+        from virtual_lab.video.show.track_text import OF_CONTACT, contact_rows, estimate_table
 
-        return _table(contact_rows(self.clip))
+        return with_units(estimate_table(contact_rows(self.clip), OF_CONTACT))
 
     @cached_property
     def places(self) -> pd.DataFrame:
@@ -288,12 +288,6 @@ def track(
     stated = {key: value for key, value in statements.items() if value is not None}
     result = track_clip(file, stated, progress=progress)
     return Track(clip=result, progress=progress, film=film_of_track)
-
-
-def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    from virtual_lab.video.show.track_text import estimate_table
-
-    return with_units(estimate_table(rows))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

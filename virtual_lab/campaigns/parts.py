@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS = 8192  # largest number of laboratories per part: at least a second of work for a worker
-COLUMN_SCHEMA = 3  # schema of the columns; parts of another schema are rejected
+COLUMN_SCHEMA = 4  # schema of the columns; parts of another schema are rejected
 PROGRAM = {"program": VERSION, "schema": COLUMN_SCHEMA}  # version of program and columns
 FIRST = 4  # number of laboratories tested to determine the columns of a study
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
@@ -205,7 +205,7 @@ def _columns(tested: BlockTest) -> Columns:
         metric.value + half_width,
         true.pop("metric"),
     )
-    names = ("value", "u", "low", "high", "true")
+    names = ("value", "u", "low", "high", "true_value")
     columns: Columns = {
         (name, unit): values for name, values in zip(names, metric_columns, strict=True)
     }

@@ -19,7 +19,7 @@ SUMMARY_WORDS = """\
 Metric in SI, tests that are not INVALID. sd within: from day to day in a laboratory. bias: mean of
 measured minus true value, and its standard error. coverage: 95 % intervals with the true value, its
 confidence interval (Clopper-Pearson), and true values above and below the interval."""
-READ = ["verdict", "flag_names", "value", "u", "low", "high", "true"]
+READ = ["verdict", "flag_names", "value", "u", "low", "high", "true_value"]
 VERDICTS = ("PASS", "FAIL", "MEASURED", "INVALID")
 STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]
 STATISTICS += ["coverage_low", "coverage_high", "above", "below"]

@@ -697,7 +697,7 @@ def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated
     if value is None or not u or limit is None or not eligible or verdict not in ("PASS", "FAIL"):
         return None
     dof = inf if metric.dof is None else metric.dof
-    conforming = conformity(value, u, upper=limit, dof=dof)
+    conforming = float(conformity(value, u, upper=limit, dof=dof))
     if verdict == "PASS":
         return RiskStated(of="false acceptance", probability=1 - conforming)
     return RiskStated(of="false rejection", probability=conforming)

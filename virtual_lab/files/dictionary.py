@@ -53,7 +53,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "dof": _M("effective degrees of freedom of u"),
     "low": _M("lower end of the 95 % interval of the value", PER_ROW),
     "high": _M("upper end of the 95 % interval of the value", PER_ROW),
-    "true": _M("true value", PER_ROW),
+    "true_value": _M("true value", PER_ROW),
     "error": _M("value minus true value", PER_ROW),
     "z": _M("error divided by u"),
     "held": _M("whether the 95 % interval holds the true value", WORDS),

@@ -64,7 +64,7 @@ class OperatingPoint:
     best_of: int = column("best of", form="d")
     metric: str
     unit: str
-    true: float = column("true metric x", form=".4f")
+    true_value: float = column("true metric x", form=".4f")
     tests: int
     errors_of: str = column("errors of", form="")  # the simulated bat
     pass_probability: float = column("PASS", form=".1%")
@@ -97,7 +97,7 @@ class OperatingCurves(Rows[OperatingPoint]):
                         r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)
                     ][:POINTS]
                     keys = ("", "_low", "_high")
-                    true = [row.true for row in points]
+                    true = [row.true_value for row in points]
                     passes, low, high = np.array(
                         [[getattr(row, f"pass_probability{key}") for key in keys] for row in points]
                     ).T
@@ -210,7 +210,7 @@ def operating(
                         best_of=best_of,
                         metric=printed.symbol,
                         unit=printed.unit,
-                        true=printed.in_unit(float(x)),
+                        true_value=printed.in_unit(float(x)),
                         tests=laboratories * best_of,
                         errors_of=errors_of,
                         **dict(zip(CHANCES, chances, strict=True)),
@@ -247,8 +247,8 @@ def _answers(
     """
     lines = [
         {
-            f"true {single.metric} {single.unit}".rstrip(): f"{single.true:.4g}",
-            "over the limit": f"{100 * (single.true / limit - 1):+.1f} %",
+            f"true {single.metric} {single.unit}".rstrip(): f"{single.true_value:.4g}",
+            "over the limit": f"{100 * (single.true_value / limit - 1):+.1f} %",
             "one test": _best_of(1, single),
             "best of 3 tests": _best_of(1, three),
             "best of 3 laboratories": _best_of(3, single),

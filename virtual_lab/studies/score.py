@@ -49,7 +49,7 @@ class QuantityScore:
     unit: str
     value: float | None = column("measured", "SI", ".6f")
     u: float | None = column("u", "SI", ".6f")
-    true: float = column("true", "SI", ".6f")
+    true_value: float = column("true", "SI", ".6f")
     error: float | None = column("error", "SI", "+.6f")
     z: float | None = column("error", "u", "+.2f")
     held: bool | None = column(
@@ -74,7 +74,7 @@ class QuantityScore:
             unit=unit,
             value=value,
             u=u,
-            true=true,
+            true_value=true,
             error=error,
             z=error / u if error is not None and u else None,
             held=interval[0] <= true <= interval[1] if interval else None,

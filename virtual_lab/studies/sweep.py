@@ -180,7 +180,7 @@ def _row(
         "u": u,
         "low": low,
         "high": high,
-        "true": of_metric,
+        "true_value": of_metric,
         "error": value - of_metric,
     }
     row: dict[str, Any] = {

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,6 +68,26 @@ class Tolerance:
         return np.asarray(stdtr(nu, (self.upper - y) / u) - stdtr(nu, (self.lower - y) / u))
 
 
+class Conformity(float):
+    """Probability that an item conforms: a number that prints its meaning."""
+
+    def __repr__(self) -> str:
+        return f"{float(self):.6f}  P(conforming): the true value of this item is within the limits"
+
+    __str__ = __repr__
+
+
+class GuardBand(NamedTuple):
+    """Guard band and acceptance limits: three numbers that print their meaning."""
+
+    width: float
+    lower: float
+    upper: float
+
+    def __repr__(self) -> str:
+        return f"guard band {self.width:.6g}; accepted within ({self.lower:.6g}, {self.upper:.6g})"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Risks:
     """Global risks of a decision rule, for all items that a process makes."""
@@ -96,7 +117,7 @@ def conformity(
     lower: Certain | None = None,
     upper: Certain | None = None,
     dof: Certain = inf,
-) -> float:
+) -> Conformity:
     """Return the probability, 0 to 1, that the true value of an item is within the limits.
 
     The true value has a normal distribution about the measured value, or Student's t if `dof` is
@@ -119,7 +140,7 @@ def conformity(
     _require_u(u, dof)
     if not isfinite(value):
         raise InputError("", "value", value, "allowed: a finite number")
-    return float(Tolerance.read(lower, upper).chance(np.array(value), u, dof))
+    return Conformity(Tolerance.read(lower, upper).chance(np.array(value), u, dof))
 
 
 def global_risk(
@@ -169,7 +190,7 @@ def guard_band(
     target: Certain | None = None,
     prior: Input | None = None,
     dof: Certain = inf,
-) -> tuple[float, float, float]:
+) -> GuardBand:
     """Return the guard band w, the lower and the upper acceptance limit, in the unit of `u`.
 
     A positive w moves the acceptance limits inward from the tolerance limits. A limit that is not
@@ -220,7 +241,7 @@ def guard_band(
             raise InputError("", "target", target, allowed)
         w = float(brentq(lambda w: risk(w) - target, -40 * u, most, xtol=1e-12 * u))
     acceptance = limits.guard(w)
-    return w, acceptance.lower, acceptance.upper
+    return GuardBand(w, acceptance.lower, acceptance.upper)
 
 
 def _risk_with(

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import hypot, sqrt
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import AnyLaboratory, File, Positive
+from virtual_lab.parameters import AnyDocument, AnyLaboratory, Positive
 from virtual_lab.studies.interlab.playing import Play
 from virtual_lab.studies.interlab.study import FACTORS, read_interlab
 from virtual_lab.uncertainty.interlaboratory import (
@@ -100,7 +99,7 @@ class Interlab(Rows[InterlabTerm]):
 
 
 def interlab(
-    study: File,
+    study: AnyDocument,
     *,
     predict: bool = False,
     workers: Positive = 1,
@@ -117,10 +116,11 @@ def interlab(
     Parameters
     ----------
     study
-        Study file, .toml. The required keys are ``procedures``, ``bats``, ``laboratories`` (number
-        per exercise), ``seed`` and ``factors``. The optional keys are ``exercises``, ``lots``
-        (number per laboratory), ``repeats`` (number per lot), ``alone`` (number of laboratories for
-        each factor alone) and ``control`` (a control bat).
+        Study file, .toml, or its keys and values as a mapping. The required keys are
+        ``procedures``, ``bats``, ``laboratories`` (number per exercise), ``seed`` and ``factors``.
+        The optional keys are ``exercises``, ``lots`` (number per laboratory), ``repeats`` (number
+        per lot), ``alone`` (number of laboratories for each factor alone) and ``control`` (a
+        control bat).
     predict
         Predict the effect of each factor without simulating any laboratory.
     workers
@@ -138,7 +138,7 @@ def interlab(
         The file has an unknown key, a value or unit that is not allowed, or an unknown name; bat,
         ball or rig does not fit the procedure; too few laboratories have a valid test.
     """
-    entry = read_interlab(Path(study))
+    entry = read_interlab(study)
     spec = entry.spec
     rows: list[InterlabTerm] = []
     exercises: dict[str, NestedStudy] = {}
@@ -148,7 +148,7 @@ def interlab(
         for bat in spec.bats
     ]
     for play in cases:
-        _require_effects(play, str(study))
+        _require_effects(play, "study" if isinstance(study, Mapping) else str(study))
     for number, play in enumerate(cases):
         progress("cases", number, len(cases))
         if predict:

@@ -8,7 +8,6 @@ from copy import deepcopy
 from dataclasses import dataclass, fields
 from itertools import chain
 from math import hypot
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_args, get_type_hints
 
 from annotated_types import Ge, Le, MinLen
@@ -18,9 +17,10 @@ from virtual_lab.catalog import Entry
 from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.specs import Dimension, Spec, Whole
 from virtual_lab.errors import InputError
-from virtual_lab.files import parse_toml, read_text
+from virtual_lab.files import parse_toml
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.sheets import toml_text
+from virtual_lab.parameters import AnyDocument
+from virtual_lab.sheets import document_text, toml_text
 from virtual_lab.streams import LABORATORIES, LARGEST_SEED
 from virtual_lab.studies.interlab.predicted import NominalTest
 
@@ -208,13 +208,13 @@ class InterlabStudy(Spec):
         return ("*", *(f"-{name}" for name in fixed))
 
 
-def read_interlab(path: Path) -> Entry[InterlabStudy]:
-    """Return the study in a file, with the sources of its numbers.
+def read_interlab(study: AnyDocument) -> Entry[InterlabStudy]:
+    """Return the study in a file or mapping, with the sources of its numbers.
 
     Raises `InputError` if the file cannot be read, if a key is unknown, if a value is not allowed,
     or if a unit is wrong.
     """
-    return catalog.read(read_text(path), str(path), InterlabStudy)
+    return catalog.read(*document_text(study, "study"), InterlabStudy)
 
 
 def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,8 +15,8 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.parameters import (
     AboveZero,
+    AnyDocument,
     AnyLaboratory,
-    File,
     HundredOrMore,
     Positive,
     Seed,
@@ -86,7 +87,7 @@ def plan(
     *,
     target_u: AboveZero,
     bat: AnyBat = "r161",
-    prices: File | None = None,
+    prices: AnyDocument | None = None,
     history: ResultFolders = (),
     laboratories: HundredOrMore = 1000,
     seed: Seed = 1,
@@ -139,10 +140,10 @@ def plan(
 
         Or a sheet, ``vl.bat("r161")``, with changed values if needed.
     prices
-        File of prices, .toml. The plans are then sorted by price. Its keys are ``tests``,
-        ``per_minute``, ``per_ball`` and ``instruments``, each with value, unit and source;
-        ``virtual-lab template prices FILE`` writes an empty one. Only instruments with a price are
-        exchanged.
+        File of prices, .toml, or its keys and values as a mapping. The plans are then sorted by
+        price. Its keys are ``tests``, ``per_minute``, ``per_ball`` and ``instruments``, each
+        with value, unit and source; ``virtual-lab template prices FILE`` writes an empty one. Only
+        instruments with a price are exchanged.
     history
         Result folders of at least three earlier tests of the same bat by the same procedure, or one
         folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these tests or
@@ -178,8 +179,8 @@ def plan(
     rigs = setup.rigs.values()
     offers, priced = better_instruments(rigs), None
     if prices is not None:
-        priced = Prices.read(Path(prices))
-        offers = priced.offers(Path(prices), rigs)
+        priced = Prices.read(prices)
+        offers = priced.offers(Path("prices" if isinstance(prices, Mapping) else prices), rigs)
     days = read_history(paths_of(history), setup) if history else None
     progress("tests of the present laboratory")
     balls = balls_of(days, bat, procedure, seed) if days else {}

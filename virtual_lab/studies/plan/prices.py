@@ -13,8 +13,9 @@ from annotated_types import Ge, MinLen
 from virtual_lab.catalog.specs import Real, Spec
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.files import parse_toml, read_text
-from virtual_lab.sheets import Sheet, replacement
+from virtual_lab.files import parse_toml
+from virtual_lab.parameters import AnyDocument
+from virtual_lab.sheets import Sheet, document_text, replacement
 from virtual_lab.studies.plan.laboratory import better_instruments
 from virtual_lab.units import Array
 
@@ -50,12 +51,13 @@ class Prices(Spec):
                 raise ValueError(f"{name} is in {price.unit}, but per_minute in {self.currency}")
 
     @classmethod
-    def read(cls, path: Path) -> Self:
-        """Return the prices in a file.
+    def read(cls, prices: AnyDocument) -> Self:
+        """Return the prices in a file or mapping.
 
         Raises `InputError` for an unknown or missing key, or prices in two currencies.
         """
-        return validate(parse_toml(read_text(path), str(path)), str(path), cls)
+        text, where = document_text(prices, "prices")
+        return validate(parse_toml(text, where), where, cls)
 
     @property
     def currency(self) -> str:

@@ -9,14 +9,14 @@ The study reads records only, never a sealed truth.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.files.folders import TestFolder
+from virtual_lab.files.folders import folder_rule
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
@@ -33,8 +33,27 @@ from virtual_lab.studies.twin.statement import Statement
 if TYPE_CHECKING:
     import pandas as pd
 
+    from virtual_lab.measurement.certification import Certification
     from virtual_lab.output.page_figure import PageFigure
 
+
+@runtime_checkable
+class Certified(Protocol):
+    """A result with a certification, such as a certificate."""
+
+    @property
+    def certification(self) -> Certification: ...
+
+
+FOLDER = folder_rule("result", "records")
+AnyRecords = Annotated[
+    str | Path | Certified,
+    replace(
+        FOLDER,
+        read=lambda value: value if isinstance(value, Certified) else FOLDER.read(value),
+        allowed=f"{FOLDER.allowed}, or a certificate",
+    ),
+]
 # smallest number of full days with which a reading can be unlike its twins, whatever their number
 FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
 WORDS = (
@@ -162,7 +181,7 @@ class Twin(StudyResult):
 
 
 def twin(
-    folder: TestFolder,
+    folder: AnyRecords,
     *,
     days: HundredOrMore = 1000,
     full_days: int = 250,
@@ -184,7 +203,7 @@ def twin(
     ----------
     folder
         Result folder of ``certify``, its folder ``records``, or the folder of another laboratory
-        with its ``laboratory.toml``.
+        with its ``laboratory.toml``. Or a certificate, as ``certify`` returns it.
     days
         Number of days on which the instruments record only summary values; at least 100.
     full_days
@@ -217,7 +236,9 @@ def twin(
     """
     if full_days and full_days < FEWEST_FULL:
         raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST_FULL}")
-    certification = certify_records(Path(folder))
+    certification = (
+        folder.certification if isinstance(folder, Certified) else certify_records(Path(folder))
+    )
     statement = Statement.of(certification)
     playing = TwinDays.fit(statement, seed, min(days, SIDE_BY_SIDE))
     rows, invalid = compare_quantities(certification, playing, days, progress)

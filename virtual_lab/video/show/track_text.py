@@ -25,6 +25,16 @@ if TYPE_CHECKING:
 
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 Row = dict[str, Any]
+ESTIMATED = {  # columns of measured values, each with a column of its u
+    *("speed_in_m_per_s", "speed_out_m_per_s", "angle_in_deg", "angle_out_deg"),
+    *("acceleration_m_per_s2", "contact_time_s", "restitution"),
+}
+OF_FLIGHT = (  # columns of a table of flights
+    *("flight", "first_frame", "last_frame", "positions", "speed_in_m_per_s", "speed_out_m_per_s"),
+    *("angle_in_deg", "angle_out_deg", "acceleration_m_per_s2"),
+    *("contact_kind", "contact_time_s", "restitution"),
+)
+OF_CONTACT = ("time_s", "frame", "contact_kind", "restitution")  # columns of a table of contacts
 
 
 def flight_rows(track: FollowedClip) -> list[Row]:
@@ -34,24 +44,17 @@ def flight_rows(track: FollowedClip) -> list[Row]:
     contact at the end of the flight, the values of the contact are None.
     """
     contacts = {each.before: each for each in track.contacts}
-    return [
-        {
-            "flight": k + 1,
-            "first_frame": flight.first_frame,
-            "last_frame": flight.last_frame,
-            "positions": flight.places,
-            "speed_in_m_per_s": flight.speed_in,
-            "speed_out_m_per_s": flight.speed_out,
-            "angle_in_deg": _degrees(flight.angle_in),
-            "angle_out_deg": _degrees(flight.angle_out),
-            "acceleration_m_per_s2": flight.acceleration,
-            "contact_kind": met.kind if met else None,
-            "contact_time_s": met.time if met else None,
-            "restitution": met.restitution if met else None,
-        }
+    rows = [
+        (
+            *(k + 1, flight.first_frame, flight.last_frame, flight.places),
+            *(flight.speed_in, flight.speed_out),
+            *(_degrees(flight.angle_in), _degrees(flight.angle_out), flight.acceleration),
+            *((met.kind, met.time, met.restitution) if met else (None, None, None)),
+        )
         for k, flight in enumerate(track.flights)
         for met in [contacts.get(k)]
     ]
+    return [dict(zip(OF_FLIGHT, row, strict=True)) for row in rows]
 
 
 def contact_rows(track: FollowedClip) -> list[Row]:
@@ -60,9 +63,8 @@ def contact_rows(track: FollowedClip) -> list[Row]:
     ``frame`` is the time of the contact in frames, not rounded. ``restitution`` is an estimate, or
     None if no restitution is stated for this contact.
     """
-    names = ("time_s", "frame", "contact_kind", "restitution")
     rows = ((each.time.value, each.frame, each.kind, each.restitution) for each in track.contacts)
-    return [dict(zip(names, row, strict=True)) for row in rows]
+    return [dict(zip(OF_CONTACT, row, strict=True)) for row in rows]
 
 
 def in_columns(row: Mapping[str, Any]) -> Row:
@@ -72,16 +74,20 @@ def in_columns(row: Mapping[str, Any]) -> Row:
     """
     cells: Row = {}
     for name, each in row.items():
-        estimate = isinstance(each, Estimate)
-        cells |= {name: each.value, name_of_u(name): each.u} if estimate else {name: each}
+        value, u = (each.value, each.u) if isinstance(each, Estimate) else (each, None)
+        cells |= {name: value, name_of_u(name): u} if name in ESTIMATED else {name: value}
     return cells
 
 
-def estimate_table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return the rows as a table; an estimate has a column for its value and one for its u."""
+def estimate_table(rows: Iterable[Mapping[str, Any]], names: Iterable[str]) -> pd.DataFrame:
+    """Return the rows as a table; an estimate has a column for its value and one for its u.
+
+    `names` are the keys of a row, for a table without rows.
+    """
     import pandas as pd
 
-    return pd.DataFrame([in_columns(row) for row in rows])
+    cells = [in_columns(row) for row in rows]
+    return pd.DataFrame(cells, columns=None if cells else [*in_columns(dict.fromkeys(names))])
 
 
 def track_document(track: FollowedClip) -> Row:

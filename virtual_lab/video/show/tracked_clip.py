@@ -34,6 +34,7 @@ from virtual_lab.video.follow.knowledge import (
 from virtual_lab.video.follow.ruler import DRAG_COEFFICIENT
 from virtual_lab.video.show.course import course_table
 from virtual_lab.video.show.track_text import (
+    OF_FLIGHT,
     estimate_table,
     flight_rows,
     track_document,
@@ -193,7 +194,10 @@ def save_track(
     with new_folder(folder, settings, overwrite=overwrite) as draft:
         # A time is written in full, because it identifies its frame.
         course = course_table(pictures.places).astype({"time_s": object})
-        for name, table in (("track", course), ("speeds", estimate_table(flight_rows(track)))):
+        for name, table in (
+            ("track", course),
+            ("speeds", estimate_table(flight_rows(track), OF_FLIGHT)),
+        ):
             table.to_csv(draft / f"{name}.csv", index=False, float_format="%.7g")
         text = json.dumps(track_document(track), indent=2, allow_nan=False)
         (draft / "result.json").write_text(text + "\n", encoding="utf-8")

@@ -12,11 +12,15 @@ import pandas as pd
 
 from virtual_lab.catalog.reading import DATA
 
-table = pd.read_csv(next(DATA.parent.glob("tests/studies/operating-*.csv"))).sort_values("true")
+table = pd.read_csv(next(DATA.parent.glob("tests/studies/operating-*.csv"))).sort_values(
+    "true_value"
+)
 figure, axes = plt.subplots()
 for color, (bat, rows) in zip(("C0", "C1"), table.groupby("bat"), strict=True):
-    axes.plot(rows["true"], 100 * rows["counted"], "o", color=color, label=f"{bat}, counted")
-    axes.plot(rows["true"], 100 * rows["predicted"], "x", color=color, label=f"{bat}, predicted")
+    axes.plot(rows["true_value"], 100 * rows["counted"], "o", color=color, label=f"{bat}, counted")
+    axes.plot(
+        rows["true_value"], 100 * rows["predicted"], "x", color=color, label=f"{bat}, predicted"
+    )
 axes.axvline(0.5, color="black", linestyle=":", label="limit")
 axes.set(xlabel="true BBCOR of the bat", ylabel="tests that pass, %")
 axes.legend()
