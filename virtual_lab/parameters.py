@@ -63,7 +63,7 @@ def read_path(value: Any) -> Path:
     return Path(read_name(value))
 
 
-def read_document(value: Any) -> Any:
+def read_keys_or_path(value: Any) -> Any:
     """Return a mapping as a dictionary, or the path of a file as a `Path`."""
     return dict(value) if isinstance(value, Mapping) else read_path(value)
 
@@ -270,7 +270,7 @@ PicturePaths = Annotated[str | Path | Sequence[str | Path], several(FILE, "paths
 AnyParticulars = Annotated[
     str | Path | Mapping[str, Any],
     ParameterRule(
-        read=read_document,
+        read=read_keys_or_path,
         allowed="a file of particulars, its keys and values, or the folder of a laboratory",
         metavar="FILE",
         kind="file",
@@ -278,7 +278,7 @@ AnyParticulars = Annotated[
 ]
 AnyDocument = Annotated[
     str | Path | Mapping[str, Any],
-    replace(FILE, read=read_document, allowed="a file, or its keys and values"),
+    replace(FILE, read=read_keys_or_path, allowed="a file, or its keys and values"),
 ]
 Folder = Annotated[str | Path, FOLDER]
 AnyLaboratory = Annotated[

@@ -13,6 +13,7 @@ from tests.cli.test_cli import MEASURED
 from tests.cli.test_commands import COMMANDS
 from tests.video.scenes import Film, write_video
 from virtual_lab.cli import cli
+from virtual_lab.output.tables import WIDEST
 
 EXAMPLES = {name: each.example_line for name, each in COMMANDS.items()}
 # examples that take a quarter of a second and less, beside the files that several of them read
@@ -74,7 +75,10 @@ def test_the_example_of_a_command_runs(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The example ends with exit code 0, prints a result, and writes the file that it names."""
+    """The example ends with exit code 0, prints a result, and writes the file that it names.
+
+    A line of a table, which has cells two spaces apart, has at most 110 characters.
+    """
     words = shlex.split(EXAMPLES[name])
     new = words[words.index("--out") + 1 :] if "--out" in words else []
     for word in words[1:]:
@@ -89,5 +93,8 @@ def test_the_example_of_a_command_runs(
     monkeypatch.chdir(tmp_path)
     capsys.readouterr()
     run(EXAMPLES[name])
-    assert capsys.readouterr().out.strip()
+    printed = capsys.readouterr().out
+    assert printed.strip()
+    tables = (line.rstrip() for line in printed.splitlines() if "  " in line.strip())
+    assert [line for line in tables if len(line) > WIDEST] == []
     assert all(Path(each).exists() for each in new)

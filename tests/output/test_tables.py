@@ -39,3 +39,27 @@ def test_columns_of_an_inline_field_have_no_prefix():
         ["rms [mm]", "0.25"],
         ["points", "8 of 9"],
     ]
+
+
+def test_a_wide_table_has_heads_of_several_lines_and_blocks() -> None:
+    """Every number is in the text once, in a line of its row, and no line is too wide."""
+    rows = [
+        {"plan": f"p{row}", **{f"number of hits {n} per ball": 100 * row + n for n in range(20)}}
+        for row in (1, 2)
+    ]
+    text = table_text(rows)
+    assert max(map(len, text.splitlines())) <= 110
+    for row in rows:
+        lines = [line.split() for line in text.splitlines() if line.startswith(row["plan"])]
+        numbers = [int(cell) for line in lines for cell in line[1:]]
+        assert numbers == [value for value in row.values() if value != row["plan"]]
+    blocks = text.split("\n\n")
+    assert len(blocks) > 1
+    assert all(block.splitlines()[-3].split()[0] == "plan" for block in blocks)
+    narrow = table_text([{"plan": "p" * 80, "number of hits per ball": 3}])
+    assert len(narrow.splitlines()) == 2
+    long = table_text([{"key": "profile", "value": "2.2991, " * 40}, {"key": "mass", "value": "1"}])
+    lines = long.splitlines()
+    assert max(map(len, lines)) <= 110
+    assert [line[:7].strip() for line in lines] == ["key", "profile", "", "", "", "mass"]
+    assert " ".join(long.split()).count("2.2991,") == 40

@@ -11,6 +11,7 @@ from typing import Any
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.output import DRAWN, STUDY, TABLE, Answer, Output
 from virtual_lab.errors import InputError
+from virtual_lab.output.tables import table_text
 
 CAMPAIGN, REHEARSE = "virtual_lab.commands.campaign", "virtual_lab.commands.rehearse"
 PAGE = ("virtual_lab.page.opening", "open_page")
@@ -35,9 +36,11 @@ def _form(path: Path) -> Answer:
 
 
 def _answer_sweep(table: Any) -> Answer:
-    """Return the answer for the table of a sweep: text, JSON and files."""
+    """Return the answer for the table of a sweep: text up to the error, JSON and files."""
     document = json.loads(table.to_json(orient="records"))
-    return Answer(document=document, text=table.to_string(index=False), table=table)
+    text = table_text(table.loc[:, :"error"].to_dict("records"))
+    text += "\n\nMore columns: --csv FILE or --json"
+    return Answer(document=document, text=text, table=table)
 
 
 SECTIONS: Mapping[str, Sequence[Command]] = {

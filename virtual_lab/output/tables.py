@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, is_dataclass
+from itertools import chain, zip_longest
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 INLINE = "inline"
+WIDEST = 110  # largest width of a table [characters]
 
 
 class Column(NamedTuple):
@@ -105,6 +108,9 @@ def table_text(
 ) -> str:
     """Return rows as a text table with a header. The columns are as wide as their longest cell.
 
+    A table wider than `WIDEST` has heads of several lines. If it is still too wide, its columns are
+    printed in blocks beneath each other, and each block begins with the first column.
+
     Without rows the text is the word ``nothing``. The value None gives an empty cell. A column is
     left out if all its cells are empty.
 
@@ -131,15 +137,40 @@ def table_text(
         for key, each in columns.items()
     ]
     texts = [cells for cells in texts if any(cells[1:])]
-    lines = [list(line) for line in zip(*texts, strict=True)]
     if across:
-        heads = ["", *(str(values[across]) for values in records)]
-        lines = [heads, *(list(line) for line in zip(*lines, strict=True))]
-    widths = [max(len(line[place]) for line in lines) for place in range(len(lines[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
-        for line in lines
-    )
+        lines = [["", *(str(values[across]) for values in records)], *texts]
+        texts = [list(cells) for cells in zip(*lines, strict=True)]
+    if _width(texts) > WIDEST:
+        for cells in texts:
+            room = max(10, *map(len, cells[1:]))
+            cells[:1] = wrap(cells[0], room, break_long_words=False)
+        tallest = max(map(len, texts))
+        texts = [[""] * (tallest - len(cells)) + cells for cells in texts]
+    blocks = [texts[:1]]
+    for cells in texts[1:]:
+        if len(blocks[-1]) > 1 and _width([*blocks[-1], cells]) > WIDEST:
+            blocks.append(texts[:1])
+        blocks[-1].append(cells)
+    return "\n\n".join(map(_block_text, blocks))
+
+
+def _width(texts: Sequence[Sequence[str]]) -> int:
+    """Return the width of columns beside each other."""
+    return sum(max(map(len, cells)) + 2 for cells in texts) - 2
+
+
+def _block_text(texts: Sequence[Sequence[str]]) -> str:
+    """Return columns beside each other. A cell too wide for the table has several lines."""
+    room = max(WIDEST - max(map(len, texts[0])) - 2, 20)
+    others = [
+        [wrap(cell, room) if len(cell) > room else [cell] for cell in cells] for cells in texts[1:]
+    ]
+    parts = [[[cell] for cell in texts[0]], *others]
+    cells = chain.from_iterable(zip_longest(*row, fillvalue="") for row in zip(*parts, strict=True))
+    columns = [
+        [cell.ljust(max(map(len, each))) for cell in each] for each in zip(*cells, strict=True)
+    ]
+    return "\n".join("  ".join(line).rstrip() for line in zip(*columns, strict=True))
 
 
 def number(value: float | None, form: str = ".6f") -> str:

@@ -87,6 +87,11 @@ class OperatingCurves(Rows[OperatingPoint]):
     # and the best of three laboratories
     acceptance_limits: Mapping[str, tuple[float, float]]
 
+    @property
+    def text(self) -> str:
+        """The title, the answers, and the table of all points."""
+        return "\n\n".join((self.title, self.words, table_text(self.rows)))
+
     def draw(self) -> PageFigure:
         """Draw the probability of PASS with its interval, one panel per procedure."""
         with page_figure(2.6 * len(self.limits)) as figure:
