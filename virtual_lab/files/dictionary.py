@@ -287,6 +287,11 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "rms_u": _M("root mean square of the stated u", PER_ROW),
     "bias": _M("mean of the error", PER_ROW),
     "expected_bias": _M("bias that the method is expected to have", PER_ROW),
+    # a laboratory's own data sheets
+    "sheet": _M("data sheet, as kind/name", WORDS),
+    "ours": _M("number that the records state", PER_ROW),
+    "catalog": _M("number in the catalog", PER_ROW),
+    "record": _M("constant or channel of the records that states the number", WORDS),
     # plans of a laboratory
     "plan": _M("number of the plan, or present, single change or floor", WORDS),
     "exchanged": _M("instruments that the plan exchanges", WORDS),

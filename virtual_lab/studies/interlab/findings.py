@@ -205,7 +205,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         like = predicted[ALL]
         effects = {name: printed.in_unit(each[result]) for name, each in alone.items()}
         rows = [
-            _found(row, effects[name], study.alone, s_R) if alone else row
+            _with_result(row, effects[name], study.alone, s_R) if alone else row
             for name, row in predicted.items()
         ]
         if alone:
@@ -257,7 +257,7 @@ def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
     return rows
 
 
-def _found(row: InterlabTerm, found: float, laboratories: int, s_R: float) -> InterlabTerm:
+def _with_result(row: InterlabTerm, found: float, laboratories: int, s_R: float) -> InterlabTerm:
     """Return the row of a factor with the effect that was simulated in `laboratories`."""
     predicted = row.predicted or 0.0
     tolerance = max(TOLERANCE * predicted, NEGLIGIBLE * s_R)
