@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.measurement.reduction.gates import passages
 from virtual_lab.relations.flight import slowest_within
@@ -90,3 +91,11 @@ def test_a_sheet_states_the_slowest_rebound_of_its_gates() -> None:
     text = show("pivot-gates").text
     assert "75 mm of fall: 10.0 mph at 0.5502 m, 4.5 mph at 0.2499 m; " in text
     assert "slowest" not in show("lab-scale").text
+
+
+def test_the_text_of_a_sheet_can_be_copied_and_used(tmp_path):
+    """It is the text of the file, with comments and sources."""
+    path = tmp_path / "copy.toml"
+    path.write_text(vl.show("pivot-gates", toml=True).text + "\n", "utf-8")
+    assert vl.Sheet.of("instruments", path).text == vl.instrument("pivot-gates").text
+    assert vl.show("bbcor", toml=True).document["toml"].startswith('name = "bbcor"')

@@ -17,6 +17,7 @@ from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.own_laboratory.ball import sample_of_tests, with_scatter
+from virtual_lab.studies.own_laboratory.scatter import without_outliers
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 
@@ -241,3 +242,10 @@ def test_recovered_hits_scatter_as_those_of_the_tester(tmp_path: Path) -> None:
     ours.save(tmp_path / "ours")
     ratio = rms_u(tmp_path / "ours", "r161", "astm-f1881") / rms_u(tester, "r161", "astm-f1881")
     assert ratio == pytest.approx(1, abs=0.12)
+
+
+def test_fragments_before_the_ball_are_no_scatter_of_its_speed() -> None:
+    """A shot whose speed a fragment spoils is left out; values of a normal scatter stay."""
+    speeds = np.random.default_rng(5).normal(60.8, 0.18, 60)
+    spoilt = np.concatenate([speeds, [59.8, np.nan]])
+    assert np.array_equal(without_outliers(spoilt), speeds)

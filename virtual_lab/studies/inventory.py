@@ -176,7 +176,19 @@ class ShownCertificate:
         return self.text
 
 
-def show(name: AnyName) -> ShownSheet | ShownCertificate:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownText:
+    """The text of a sheet's file."""
+
+    text: str
+
+    @property
+    def document(self) -> Json:
+        """The result for JSON."""
+        return {"toml": self.text}
+
+
+def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate | ShownText:
     """Show a certificate, or a catalog entry with the unit and source of every number.
 
     Parameters
@@ -185,6 +197,9 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
         A name in the catalog, the .toml file of a bat, a result folder, or its
         ``certificate.json``.
 
+    toml
+        Print the text of the sheet, to be copied and changed.
+
     Raises
     ------
     InputError
@@ -192,6 +207,9 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
         bat, or the folder or .json file contains no certificate.
     """
     name = str(name)
+    for kind in catalog.KINDS if toml else ():
+        if name in catalog.names(kind):
+            return ShownText(text=catalog.text(kind, name).rstrip())
     if name.endswith(".json"):
         return ShownCertificate(certificate=read_document(Path(name)))
     for kind in catalog.KINDS:

@@ -51,8 +51,11 @@ class IndicatorSpec(CalibratedSpec):
             if isinstance(each, MassReadings | LengthReadings)
             for item in each.readings
         ]
-        rounding = constants["resolution"] ** 2 / 12
-        return {"repeatability": StandardDeviation.pool(items, known=rounding)} if items else {}
+        step = constants["resolution"]
+        shown = StandardDeviation.pool(items, known=step**2 / 12)
+        if shown.value > step:
+            return {"repeatability": shown}
+        return {"repeatability": shown.value} if shown.value else {}  # of no χ² distribution
 
 
 S = TypeVar("S", bound=IndicatorSpec)

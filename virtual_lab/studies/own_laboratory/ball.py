@@ -20,7 +20,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
-from virtual_lab.studies.own_laboratory.rig_sheets import SheetNumbers, enter_numbers, restated
+from virtual_lab.studies.own_laboratory.rig_sheets import SheetNumbers, enter_numbers, write_numbers
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import Array
 
@@ -44,7 +44,7 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
     ball, bat = rules.spec.ball, _bat(last.session)
     document = deepcopy(parse_toml(*catalog.source("balls", ball)))
     numbers = enter_numbers(document, _ball_numbers(tests))
-    document = restated(document, numbers, "trial")
+    document = write_numbers(document, numbers, "trial")
     if not RoundRobin.of(bat, rules).in_blocks:
         return ball, numbers, []
     days = [_scatter_of_hits(test) for test in tests]
@@ -106,11 +106,11 @@ def _ball_numbers(tests: Sequence[Certification]) -> dict[str, tuple[Any, str]]:
     last, constants = days[-1].lot, days[-1].constants
     numbers: dict[str, tuple[Any, str]] = {
         "mass": (float(np.mean([each.mean() for each in mass])), "bench/ball-mass"),
-        "spread.mass": (_pooled(mass), "bench/ball-mass"),
+        "spread.mass": (_pool_lots(mass), "bench/ball-mass"),
         "restitution.speed": (float(last.speed.ravel()[0]), "balls/log"),
         "restitution.value": (float(np.mean([each.mean() for each in e0])), "balls/gates"),
         "restitution.slope": (float(last.slope.ravel()[0]), "balls/gates"),
-        "spread.restitution": (_pooled(e0, float(np.mean(np.square(errors)))), "balls/gates"),
+        "spread.restitution": (_pool_lots(e0, float(np.mean(np.square(errors)))), "balls/gates"),
         "radius": (float(constants["ball.radius"].value[0]), "ball.radius"),
         "radius_u": (float(constants["ball.radius"].u[0]), "ball.radius"),
     }
@@ -120,7 +120,7 @@ def _ball_numbers(tests: Sequence[Certification]) -> dict[str, tuple[Any, str]]:
     return numbers
 
 
-def _pooled(lots: Sequence[Array], known: float = 0.0) -> StandardDeviation:
+def _pool_lots(lots: Sequence[Array], known: float = 0.0) -> StandardDeviation:
     spreads = [StandardDeviation.of(each) for each in lots if each.size > 1]
     return StandardDeviation.pool(spreads, known)
 

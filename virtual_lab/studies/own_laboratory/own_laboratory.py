@@ -32,7 +32,7 @@ from virtual_lab.studies.own_laboratory.rig_sheets import (
     StatedNumber,
     Statements,
     numbers_of,
-    restated,
+    write_numbers,
 )
 from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
 
@@ -164,7 +164,7 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
             sheets.enter(session.records[stage.value], session.calibration, scatter[stage])
             read.setdefault((stage, sheets.rig), []).append(sheets)
     names = ", ".join(dict.fromkeys(path.resolve().name for path in paths))
-    pooled = {rig: _pooled(each) for (_, rig), each in read.items()}
+    pooled = {rig: _pool_days(each) for (_, rig), each in read.items()}
     found, texts, kept = list[OwnNumber](), dict[Key, str](), 0
 
     def add(key: Key, base: Key, numbers: SheetNumbers, parts: Mapping[str, str]) -> None:
@@ -175,7 +175,7 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
         kept += len(usual.keys() - numbers.keys())
         document = deepcopy({**document, **parts})
         document.pop("identity", None)  # identities are among the particulars
-        texts[key] = toml_text(restated(document, numbers, SOURCE.format(names)))
+        texts[key] = toml_text(write_numbers(document, numbers, SOURCE.format(names)))
 
     for key, base, numbers, parts in sorted(_sheets(pooled), key=itemgetter(0)):
         add(key, base, numbers, parts)
@@ -203,7 +203,7 @@ def _rules(test: Certification) -> str:
     return test.session.procedure_text
 
 
-def _pooled(days: Sequence[RigSheets]) -> Statements:
+def _pool_days(days: Sequence[RigSheets]) -> Statements:
     """Return the statements of the last day, with standard deviations pooled over all days."""
     pooled: Statements = {}
     for sheet, numbers in days[-1].statements.items():

@@ -304,7 +304,7 @@ def inner_table(document: Document, path: str) -> tuple[Document, str]:
     return document, last
 
 
-def restated(
+def write_numbers(
     document: Document, numbers: Mapping[str, StatedNumber | None], source: str
 ) -> Document:
     """Change numbers of a sheet's content and their `source`, and return it."""

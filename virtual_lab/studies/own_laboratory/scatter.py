@@ -11,6 +11,8 @@ from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.units import Array
 
+OUTLIER = 6.0  # deviation of an outlier [median absolute deviation]; 4 standard deviations
+
 
 def scatter_of_shots(reduced: Reduction) -> Mapping[Stage, Mapping[str, StandardDeviation]]:
     """Return the scatter of the shots at each stage, keyed by name.
@@ -20,15 +22,22 @@ def scatter_of_shots(reduced: Reduction) -> Mapping[Stage, Mapping[str, Standard
     """
     balls, shots = reduced.preparation.balls, reduced.shots
     at_wall, nominal = balls.flights.raw.speed_in[0, 0], balls.nominal_speed[0, 0]
-    wall = _pooled([at_wall[nominal == each] for each in np.unique(nominal)])
-    impact = {"speed_scatter": _pooled([shots.speed[np.isfinite(shots.speed)]])}
+    wall = _pool_groups([at_wall[nominal == each] for each in np.unique(nominal)])
+    impact = {"speed_scatter": _pool_groups([without_outliers(shots.speed)])}
     rates = shots.swing_rate[np.isfinite(shots.swing_rate)]
     if rates.size and rates.mean():
-        impact["turn_rate_scatter"] = _pooled([rates / rates.mean()])
+        impact["turn_rate_scatter"] = _pool_groups([rates / rates.mean()])
     return {Stage.BENCH: {}, Stage.BALLS: {"speed_scatter": wall}, Stage.IMPACT: impact}
 
 
-def _pooled(groups: Sequence[Array]) -> StandardDeviation:
+def without_outliers(values: Array) -> Array:
+    """Return finite values near their median: a fragment before the ball spoils its speed."""
+    values = values[np.isfinite(values)]
+    deviation = np.abs(values - np.median(values))
+    return np.asarray(values[deviation <= OUTLIER * np.median(deviation)])
+
+
+def _pool_groups(groups: Sequence[Array]) -> StandardDeviation:
     """Return the pooled standard deviation of groups of values, 0 without repeats."""
     repeated = [StandardDeviation.of(each) for each in groups if each.size > 1]
     return StandardDeviation.pool(repeated)
