@@ -285,7 +285,9 @@ def test_a_factor_that_is_left_out_stays_nominal(study: Path) -> None:
 
 def test_a_study_may_be_a_mapping(study: Path) -> None:
     keys = parse_toml(STUDY, "")
-    assert list(vl.interlab(keys, predict=True)) == list(vl.interlab(study, predict=True))
+    predicted = vl.interlab(keys, predict=True)
+    assert list(predicted) == list(vl.interlab(study, predict=True))
+    assert "<img" not in predicted._repr_html_()
     with pytest.raises(vl.InputError, match=r"^study: laboratories = 'four'"):
         vl.interlab(keys | {"laboratories": "four"}, predict=True)
 

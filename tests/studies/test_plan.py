@@ -1,5 +1,6 @@
 """Plans of a laboratory: those in the table, their simulation, and bad input."""
 
+import base64
 from dataclasses import replace
 
 import numpy as np
@@ -166,6 +167,11 @@ def test_picture_and_table(plans, tmp_path):
     folder = plans.save(tmp_path / "plan")
     assert {"plan.csv", "plan.png", "settings.toml"} <= {path.name for path in folder.iterdir()}
     assert np.isfinite(plans.table["simulated_u"]).all()
+    html = plans._repr_html_()
+    png = base64.b64decode(html.split('src="data:image/png;base64,')[1].split('"')[0])
+    assert png == (folder / "plan.png").read_bytes()
+    assert "<table" in html
+    assert f'<img alt="{plans.title}"' in html
 
 
 @pytest.mark.parametrize(

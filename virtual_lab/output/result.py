@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from base64 import b64encode
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -131,14 +132,22 @@ class StudyResult(ABC):
         if hasattr(self, "draw"):
             self.plot(folder / f"{self.name}.png")
 
+    @property
+    def _picture(self) -> str:
+        """The picture as HTML, empty without a picture."""
+        try:
+            code = b64encode(self.plot()._repr_png_()).decode()
+        except InputError:
+            return ""
+        return f'<img alt="{escape(self.title)}" src="data:image/png;base64,{code}">'
+
     def __repr__(self) -> str:
         return f"<{self.title}, {len(self.rows)} rows>"
 
     def _repr_html_(self) -> str:
-        """Return the HTML for a notebook: the rows as a table, or the text if it is overridden."""
-        if type(self).text is StudyResult.text:
-            return _table_html(self.table)
-        return preformatted_html(self.text)
+        """Return the HTML for a notebook: rows as a table, or text if it is overridden; picture."""
+        plain = type(self).text is not StudyResult.text
+        return (preformatted_html(self.text) if plain else _table_html(self.table)) + self._picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -163,9 +172,9 @@ class Rows(StudyResult, Generic[Row]):
         return "\n\n".join(part for part in (self.title, body, self.words) if part)
 
     def _repr_html_(self) -> str:
-        """Return the HTML for a notebook: the title, the table and the words beneath it."""
+        """Return the HTML for a notebook: title, table, the words beneath it, and the picture."""
         parts = (f"<p>{escape(each)}</p>" if each else "" for each in (self.title, self.words))
-        return _table_html(self.table).join(parts)
+        return _table_html(self.table).join(parts) + self._picture
 
     def __iter__(self) -> Iterator[Row]:
         return iter(self.rows)
