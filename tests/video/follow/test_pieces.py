@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.blobs import BLOB, Blobs
-from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.flights import fit_of_falls, flights_of
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -197,3 +197,30 @@ def test_a_pendulum_that_starts_slowly_is_no_flight(angle: float) -> None:
     blobs = blobs_of(np.stack([480 + length * np.sin(turn), 80 + length * np.cos(turn)], axis=1))
     assert pieces(blobs, np.arange(80.0))
     assert flights_in(blobs, 0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("pull", "count", "noise", "falls"),
+    [
+        (PULL, 20, 0.1, True),
+        (PULL / 10, 20, 0.1, False),
+        (PULL, 20, 4.0, False),
+        (0, 5, 0.0, False),
+    ],
+)
+def test_a_path_that_does_not_show_a_fall_is_no_flight(
+    pull: float, count: int, noise: float, falls: bool
+) -> None:
+    """A held ball bends its path too little, scatters, or moves by less than two radii."""
+    late = np.arange(float(count))
+    blobs = blobs_of(np.stack([100 + 4 * late, 100 + pull * late**2 / 2], axis=1), noise=noise)
+    scene = FlightScene(
+        blobs=blobs,
+        time=late,
+        stamped=late,
+        size=(960, 540),
+        exposure=0.5,
+        fall=PULL / RADIUS,
+    )
+    fit = fit_of_falls(scene, [Piece.of(blobs, np.arange(count), late)])
+    assert (fit is not None) == falls

@@ -152,7 +152,7 @@ def _normal(model: FittedFlights, change: Array) -> tuple[Array | None, str]:
     Without a normal (None) only speeds can be compared.
     """
     along, fit, pull = change / np.hypot(*change), model.fit, model.scene.pull
-    if not fit.down or (pull is None and bend_of(model.ways, fit) < FLIGHTS.sag):
+    if not fit.down or (pull is None and bend_of(model.ways, fit.size) < FLIGHTS.sag):
         return None, "struck"
     up = -np.array([fit.down.real, fit.down.imag])
     side = np.array([-up[1], up[0]])

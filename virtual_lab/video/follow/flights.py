@@ -57,11 +57,8 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     """Return the flights of the ball among pieces of motion, and the joint fit of the flights.
 
     A piece is a series of positions of one object on a smooth path. The flights are the pieces that
-    fit one ball with the same acceleration by gravity. The result is ``([], None)`` in these cases:
-
-    * There are no flights, or their positions scatter too much for a common fit.
-    * The motion is that of a pendulum.
-    * No flight bends visibly or extends over two radii, so the ball may be held.
+    fit one ball with the same acceleration by gravity. The result is ``([], None)`` if there are no
+    flights, or if their fit shows that the ball does not fall (`fit_of_falls`).
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
@@ -72,28 +69,44 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
         flights = [each for each in flights if len(each.t) >= GROWTH.least_places]
         if not flights:
             return [], None
+    fit = fit_of_falls(scene, flights)
+    return (flights, fit) if fit else ([], None)
+
+
+def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
+    """Return the joint fit of flights; None if it shows that the ball does not fall freely.
+
+    These are the cases:
+
+    * The positions scatter too much.
+    * The motion is that of a pendulum.
+    * No flight bends visibly or extends over two radii, so the ball may be held.
+    * The flights bend less than half as much as those of a falling ball.
+    """
     fit = fit_flights(scene, flights)
     right, down = fit.pull[0]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
     # The acceleration of a pendulum is to the side.
     aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright
-    bent = bend_of(flights, fit)
     radius = max(each.radius for each in flights)
     moved = max(float(np.ptp(each.xy, axis=0).max()) for each in flights)
     _, pixels, share = FLIGHTS.smooth
+    bent, expected = bend_of(flights, fit.size), scene.gravity_of(radius) or 0.0
     rough = fit.spread > max(FLIGHTS.room * radius, pixels, share * bent * radius)
-    # A ball that neither bends its path nor moves may be held.
+    # A ball that neither bends its path nor moves may be held, as may one without visible gravity.
     held = aside if bent > FLIGHTS.shown_sag else moved < FLIGHTS.path * radius
-    return ([], None) if rough or held else (flights, fit)
+    if bent < FLIGHTS.sag and bend_of(flights, expected) > FLIGHTS.shown_sag:
+        held |= fit.size * (1 + 2 * u) < expected / 2
+    return None if rough or held else fit
 
 
-def bend_of(flights: Sequence[Piece], fit: Fit) -> float:
-    """Return the bend of the longest flight by gravity [ball radii].
+def bend_of(flights: Sequence[Piece], size: float) -> float:
+    """Return the bend of the longest flight by an acceleration of `size` [ball radii].
 
     The bend is measured from the straight line between the ends of the flight.
     """
     longest = max(float(np.ptp(each.t)) for each in flights)
-    return fit.size * longest**2 / 8 / flights[0].radius
+    return size * longest**2 / 8 / flights[0].radius
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,6 +27,7 @@ from virtual_lab.video.follow.doubts import (
     require_diameter,
     without_flight,
 )
+from virtual_lab.video.follow.flights import fit_of_falls
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
@@ -150,6 +151,8 @@ def follow_blobs(
             notes = [("NOT_SHARP", f"{why}; the positions are those without calibration")]
     if sharp is None:
         watched, result = register(clip, watched, result)
+        if result.ways and not fit_of_falls(result.scene, result.ways):
+            result = replace(result, ways=[])
     return measure(clip, watched, knowledge, result, sharp=sharp, earlier=notes)
 
 

@@ -400,11 +400,9 @@ class _FlightModel:
         """
         parts = _parts(vector, self.of[-1] + 1)
         first, t = (np.array(each) for each in zip(*self.floor, strict=True))
-        states, pull = parts["states"], parts["pull"]
-        ends = [
-            _fly(states[..., n, :], pull[..., n, :], parts["drag"], t - self.middles[n])
-            for n in (first, first + 1)
-        ]
+        states, pull, drag = parts["states"], parts["pull"], parts["drag"]
+        pairs = ((n, t - self.middles[n]) for n in (first, first + 1))
+        ends = [_fly(states[..., n, :], pull[..., n, :], drag, late) for n, late in pairs]
         places = _meeting(*ends)
         lines = places[..., 1:, :] - places[..., :1, :]
         down = pull.mean(axis=-2, keepdims=True)

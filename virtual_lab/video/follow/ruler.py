@@ -37,12 +37,8 @@ from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.models import FittedFlights
 
-SAID = {
-    GIVEN: "the length given",
-    BALL: "the ball's size",
-    GRAVITY: "gravity",
-    "camera": "the calibrated camera",
-}
+SAID = {GIVEN: "the length given", BALL: "the ball's size", GRAVITY: "gravity"}
+SAID |= {"camera": "the calibrated camera"}
 
 
 # share of the positions, those with the least blur, that are used for the size of the ball
@@ -180,9 +176,7 @@ def _by_gravity(model: FittedFlights, knowledge: ClipKnowledge, step: float) -> 
     rest_u = float(np.linalg.norm(rest))
     fall = knowledge.gravity * step**2
     length = estimate_of(lambda fit: fall / fit.size, model.fit, model.rest, relative_u=rest_u)
-    scale, relative_u = length.value, length.u / length.value
-    if relative_u > VAGUE:
+    scale, u = length.value, length.u / length.value
+    if u > VAGUE:
         return None
-    return Ruler(
-        metres_per_pixel=scale, relative_u=relative_u, source=GRAVITY, fall=fall, rest_u=rest_u
-    )
+    return Ruler(metres_per_pixel=scale, relative_u=u, source=GRAVITY, fall=fall, rest_u=rest_u)

@@ -206,11 +206,9 @@ def settle(
     good = located.usable
     parts = np.split(np.arange(len(good)), np.cumsum([len(way.t) for way in ways])[:-1])
     pattern = float(np.median(located.pattern_u[good])) if good.any() else 0.0
-    ways = [
-        replace(way, sharp=True, xy=plane.flat[rows], u=located.u[rows], pattern_u=pattern)
-        for way, rows in zip(ways, parts, strict=True)
-    ]
-    ways = [way.part(good[rows]) for way, rows in zip(ways, parts, strict=True)]
+    pairs = zip((replace(way, sharp=True, pattern_u=pattern) for way in ways), parts, strict=True)
+    full = [(replace(way, xy=plane.flat[k], u=located.u[k]), k) for way, k in pairs]
+    ways = [way.part(good[k]) for way, k in full]
     scale, step = plane.metres_per_pixel, 1 / knowledge.rate
     scene = replace(
         scene,

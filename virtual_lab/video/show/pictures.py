@@ -58,11 +58,9 @@ class Pictures:
         thumbs = track.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
         stored = {k: cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in thumbs}
         left = np.array([each for each in wanted if each not in thumbs], np.intp)
-        light = self._light()
-        self.frames = {
-            int(number): _display_image(np.asarray(frame), (columns, rows), *light)
-            for number, frame in chain(stored.items(), self.clip.chosen(left))
-        }
+        size, light = (columns, rows), self._light()
+        shown = ((int(k), np.asarray(e)) for k, e in chain(stored.items(), self.clip.chosen(left)))
+        self.frames = {k: _display_image(frame, size, *light) for k, frame in shown}
 
     def _light(self) -> tuple[float, float]:
         """Return the gray values to show as black and as white."""
