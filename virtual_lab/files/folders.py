@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 from virtual_lab.errors import InputError
 from virtual_lab.parameters import FOLDER, ParameterRule, read_path, several
@@ -18,6 +18,14 @@ KINDS = {
     "records": (("session.json", "laboratory.toml"), "a folder of records"),
     "laboratory": (("laboratory.csv",), "a laboratory"),
 }
+
+
+@runtime_checkable
+class Certified(Protocol):
+    """A result with a certification, such as a certificate."""
+
+    @property
+    def certification(self) -> Any: ...
 
 
 def folder_kind(folder: Path) -> str:
@@ -59,7 +67,15 @@ NewFolder = Annotated[str | Path, folder_rule("new")]
 ResultFolder = Annotated[str | Path, folder_rule("result")]
 ResultFolders = Annotated[str | Path | Sequence[str | Path], several(folder_rule("result"))]
 RecordsFolder = Annotated[str | Path, folder_rule("records")]
-TestFolder = Annotated[str | Path, folder_rule("result", "records")]
+RECORDS = folder_rule("result", "records")
+AnyRecords = Annotated[
+    str | Path | Certified,
+    replace(
+        RECORDS,
+        read=lambda value: value if isinstance(value, Certified) else RECORDS.read(value),
+        allowed=f"{RECORDS.allowed}, or a certificate",
+    ),
+]
 TestFolders = Annotated[
     str | Path | Sequence[str | Path], several(folder_rule("result", "records"))
 ]

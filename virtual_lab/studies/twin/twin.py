@@ -9,14 +9,14 @@ The study reads records only, never a sealed truth.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.files.folders import folder_rule
+from virtual_lab.files.folders import AnyRecords, Certified
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
@@ -33,27 +33,8 @@ from virtual_lab.studies.twin.statement import Statement
 if TYPE_CHECKING:
     import pandas as pd
 
-    from virtual_lab.measurement.certification import Certification
     from virtual_lab.output.page_figure import PageFigure
 
-
-@runtime_checkable
-class Certified(Protocol):
-    """A result with a certification, such as a certificate."""
-
-    @property
-    def certification(self) -> Certification: ...
-
-
-FOLDER = folder_rule("result", "records")
-AnyRecords = Annotated[
-    str | Path | Certified,
-    replace(
-        FOLDER,
-        read=lambda value: value if isinstance(value, Certified) else FOLDER.read(value),
-        allowed=f"{FOLDER.allowed}, or a certificate",
-    ),
-]
 # smallest number of full days with which a reading can be unlike its twins, whatever their number
 FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
 WORDS = (
