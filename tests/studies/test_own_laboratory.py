@@ -161,7 +161,7 @@ def test_a_study_takes_instruments_rigs_and_particulars_of_a_laboratory(ours: Pa
 
 def test_a_rig_that_a_laboratory_does_not_have_is_refused(ours: Path) -> None:
     """The rig of the catalog never replaces it in silence, also for the second procedure."""
-    refused = r"ours: rig = 'ball-cannon'; not in this laboratory; allowed: astm-pivot, ball-wall"
+    refused = r"rig = 'ball-cannon'; not in this laboratory; allowed: astm-pivot, ball-wall"
     with pytest.raises(vl.InputError, match=refused):
         vl.sweep("r161", procedures=["astm-f1881", "bbcor"], laboratories=1, laboratory=ours)
     with pytest.raises(vl.InputError, match=refused):
@@ -172,7 +172,7 @@ def test_a_rig_that_a_laboratory_does_not_have_is_refused(ours: Path) -> None:
         )
     with pytest.raises(vl.InputError, match="allowed: a folder with sheets in instruments, rigs"):
         vl.bias(laboratory=FOREIGN)
-    with pytest.raises(vl.InputError, match=r"laboratory\.csv; allowed: the folder of a labor"):
+    with pytest.raises(vl.InputError, match="allowed: the folder of a labor"):
         vl.bias(laboratory=ours / "laboratory.csv")
 
 

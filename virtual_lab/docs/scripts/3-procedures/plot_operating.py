@@ -12,15 +12,12 @@ import pandas as pd
 
 from virtual_lab.catalog.reading import DATA
 
-table = pd.read_csv(next(DATA.parent.glob("tests/studies/operating-*.csv"))).sort_values(
-    "true_value"
-)
+table = pd.read_csv(next(DATA.parent.glob("tests/studies/operating-*.csv")))
 figure, axes = plt.subplots()
 for color, (bat, rows) in zip(("C0", "C1"), table.groupby("bat"), strict=True):
-    axes.plot(rows["true_value"], 100 * rows["counted"], "o", color=color, label=f"{bat}, counted")
-    axes.plot(
-        rows["true_value"], 100 * rows["predicted"], "x", color=color, label=f"{bat}, predicted"
-    )
+    true, counted, predicted = rows[["true_value", "counted", "predicted"]].to_numpy().T
+    axes.plot(true, 100 * counted, "o", color=color, label=f"{bat}, counted")
+    axes.plot(true, 100 * predicted, "x", color=color, label=f"{bat}, predicted")
 axes.axvline(0.5, color="black", linestyle=":", label="limit")
 axes.set(xlabel="true BBCOR of the bat", ylabel="tests that pass, %")
 axes.legend()
