@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -41,6 +42,7 @@ NAMED = ("bats", "balls", "procedures")  # kinds of sheet with a new name after 
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
 OF_LABORATORY = ("instruments", "rigs", "balls")  # kinds of sheets of a laboratory
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
+OF_EVERY_TEST = ("bench", "ball-wall")  # rigs that do not fire at bats
 OMITTED = ("progress", "sign")  # arguments that no settings file has; a key is private
 REVEALING = ("seed", "faults", "instruments")  # arguments that would reveal the truth of a test
 LEFT_OUT = (
@@ -320,12 +322,13 @@ def _titles(*kinds: str) -> dict[str, str]:
 
 
 def _rigs_at_bats() -> dict[str, str]:
-    """Return the titles of the installed rigs that fire at bats; empty for a rig without sheet."""
-    from virtual_lab.simulation.stations.rig import Stage, installed_rigs
+    """Return the titles of the installed rigs that fire at bats; empty for a rig without sheet.
 
+    No rig is loaded, because this would load the simulation.
+    """
     titles = _titles("rigs")
-    rigs = installed_rigs().items()
-    return {name: titles.get(name, "") for name, rig in rigs if rig.stage is Stage.IMPACT}
+    rigs = (each.name for each in sorted(entry_points(group="virtual_lab.rigs")))
+    return {name: titles.get(name, "") for name in rigs if name not in OF_EVERY_TEST}
 
 
 def _instrument(value: Any) -> Sheet:

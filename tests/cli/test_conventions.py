@@ -176,6 +176,10 @@ def test_progress_in_a_pipe_is_a_line_every_ten_seconds(monkeypatch: pytest.Monk
     form = r"… laboratories: 50 of 100, +[\d.]+it/s, 00:00 left"
     assert all(re.fullmatch(form, line) for line in lines)
     assert "\r" not in output.getvalue()
+    with show_progress(silent := io.StringIO()) as progress:
+        progress("")  # a page is served
+        time.sleep(0.2)
+    assert silent.getvalue() == ""
 
 
 def test_tqdm_is_loaded_only_where_progress_is_shown() -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 from urllib.parse import parse_qs, urlencode
 
@@ -64,6 +66,16 @@ def test_an_example_survives_its_form(visitor: Visitor, name: str) -> None:
     again = bind(COMMANDS[name], {**missing, **entered})
     expected = bind(COMMANDS[name], {**missing, **values})
     assert sorted(shell_words(again)) == sorted(shell_words(expected))
+
+
+def test_a_form_loads_no_simulation(tmp_path: Path) -> None:
+    code = f"""if True:
+    import sys
+    from tests.web.visiting import Visitor, Path
+    assert "ncaa-swing" in Visitor(Path({str(tmp_path)!r})).ask("/form/certify").text
+    print([name for name in sys.modules if name.startswith(("rigs", "virtual_lab.simulation"))])"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
 
 
 def test_an_untouched_form_states_only_what_is_needed(visitor: Visitor) -> None:

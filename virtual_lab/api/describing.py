@@ -208,12 +208,20 @@ def _rule(annotation: ast.expr | None) -> ParameterRule:
         case ast.Name(name) if name in BY_NAME:
             return BY_NAME[name]
         case ast.Name(name):
-            annotations = [getattr(module, name, None) for module in map(import_module, TYPES)]
-            return rule_of(next(filter(None, annotations), None))
+            return rule_of(_imported(name))
     return ANYTHING
 
 
+def _imported(name: str) -> Any:
+    """Return what a module of types calls `name`, or None."""
+    values = (getattr(module, name, None) for module in map(import_module, TYPES))
+    return next((each for each in values if each is not None), None)
+
+
 def _value(default: ast.expr) -> Any:
+    constant = _imported(default.id) if isinstance(default, ast.Name) else None
+    if constant is not None:
+        return constant
     try:
         return ast.literal_eval(default)
     except ValueError:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.commands.output import Answer
 from virtual_lab.errors import worded
 from virtual_lab.files.folders import DayFolder, NewFolder
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
     OUT,
     AnyLaboratory,
@@ -53,6 +54,7 @@ def day(
     replay: File | None = None,
     open: bool = False,
     out: Folder | None = None,
+    progress: Progress = quiet,
 ) -> RehearsedDay | StudyResult | Answer:
     """Carry out a test day action by action, and learn the cost of each decision.
 
@@ -98,6 +100,8 @@ def day(
         Open the page in a browser.
     out
         Folder into which the caller saves the result.
+    progress
+        Function that is called with a sentence, which is empty while the page is served.
     """
     scenario = str(scenario)
     script, day, exam, replay = map(_path, (script, day, exam, replay))
@@ -127,6 +131,7 @@ def day(
     if (tls_certificate is None) != (tls_key is None):
         raise ExcludedError("{tls_certificate} and {tls_key} are needed together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
+    progress("")
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": open}
     if replay:
         from virtual_lab.bench.entrance.review import played_folder

@@ -22,7 +22,10 @@ BAR, LINE = f"{{desc}} |{{bar}}| {COUNTED}", f"{{desc}}: {COUNTED}"  # formats o
 
 
 class Progress(Protocol):
-    """Callback for the current task and, if items are counted, the number done and the total."""
+    """Callback for the current task and, if items are counted, the number done and the total.
+
+    While the text is empty, nothing is shown, for example while a page is served.
+    """
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
 
@@ -65,7 +68,7 @@ class _Status:
 
     def __init__(self) -> None:
         self.begun = self.since = time.monotonic()
-        self.text, self.done, self.total, self.first = "", 0, 0, 0
+        self.text, self.done, self.total, self.first = "working", 0, 0, 0
 
     def update(self, text: str, done: int = 0, total: int = 0) -> None:
         if (text, total) != (self.text, self.total):
@@ -86,7 +89,7 @@ class _Status:
                 self.total,
                 time.monotonic() - (self.since if self.total else self.begun),
                 ncols=width,
-                prefix=self.text or "working",
+                prefix=self.text,
                 ascii=plain,
                 bar_format=counted if self.total else "{desc}, {elapsed}{postfix}",
                 postfix=_compilation(),
@@ -106,10 +109,12 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
 def _write_bar(status: _Status, stream: TextIO, over: threading.Event) -> None:
     """Update one line with a bar until the end, and remove it."""
     plain = not (stream.encoding or "utf-8").lower().startswith("utf")
+    line = ""
     while True:
-        width = get_terminal_size().columns - 1
-        line = status.line(BAR, width, plain=plain)
-        print("\r" + line[:width].ljust(width), end="", file=stream, flush=True)
+        width, before = get_terminal_size().columns - 1, line
+        line = status.line(BAR, width, plain=plain) if status.text else ""
+        if line or before:
+            print("\r" + line[:width].ljust(width), end="", file=stream, flush=True)
         if over.wait(BAR_STEP):
             print("\r" + " " * width, end="\r", file=stream, flush=True)
             return
@@ -118,7 +123,8 @@ def _write_bar(status: _Status, stream: TextIO, over: threading.Event) -> None:
 def _write_lines(status: _Status, stream: TextIO, over: threading.Event) -> None:
     """Write a line every ten seconds until the end."""
     while True:
-        print(f"… {status.line(LINE)}", file=stream, flush=True)
+        if status.text:
+            print(f"… {status.line(LINE)}", file=stream, flush=True)
         if over.wait(PIPE_STEP):
             return
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from virtual_lab.commands.output import Answer
 from virtual_lab.errors import of_extra
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import OUT, Folder
 from virtual_lab.web.serving import LOOPBACK, find_address, listen, server_of, start
 
@@ -17,7 +18,7 @@ IDLE = 1800.0  # time without a request after which the server ends [s]
 STEP = 0.2  # time between two looks [s]
 
 
-def open_page(folder: Folder = OUT, *, browser: bool = True) -> Answer:
+def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress = quiet) -> Answer:
     """Open a page in the browser with a form for every command (needs the extra ``bench``).
 
     Only this computer can open the page. It ends by its button, by Ctrl-C, or when it was not used
@@ -29,11 +30,13 @@ def open_page(folder: Folder = OUT, *, browser: bool = True) -> Answer:
         Folder of results and uploads.
     browser
         Open the page in the browser, and do not only print its address.
+    progress
+        Function that is called with a sentence, which is empty while the page is served.
     """
     of_extra("uvicorn", "bench", "the page")
-    from virtual_lab.page.fields import controls
     from virtual_lab.page.server import Page, page_application
 
+    progress("")
     path = Path(folder)
     path.mkdir(parents=True, exist_ok=True)
     listener = listen(*find_address(LOOPBACK, 0, secure=False))
@@ -48,12 +51,9 @@ def open_page(folder: Folder = OUT, *, browser: bool = True) -> Answer:
     print(said, file=sys.stderr, flush=True)
     if browser:
         webbrowser.open(address)
-    begun, warm = page.last_request, False
     try:
         while not closed and (page.runs.workers or time.monotonic() - page.last_request < IDLE):
             time.sleep(STEP)
-            if page.last_request > begun and not warm:  # what the first form needs, while one reads
-                warm = bool(controls(page.commands["certify"], path, {}, {}))
     finally:
         page.runs.end()
         server.should_exit = True

@@ -268,4 +268,4 @@ def _state(run: StartedRun) -> dict[str, Any]:
     line = run.progress
     counted = re.search(r": +(\d+) of (\d+),", line)
     done, total = map(int, counted.groups()) if counted else (0, 0)
-    return {"live": run.live, "line": line or "starting", "done": done, "total": total}
+    return {"live": run.live, "line": line, "done": done, "total": total}
