@@ -142,38 +142,55 @@ FLOWN, BOUNCE = {"value": 2.0, "u": 0.1}, {"value": 0.5, "u": 0.01}
 
 def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opening, "IDLE", 0.5)
-    assert opening.open_page(tmp_path / "lab", browser=False).text == str(tmp_path / "lab")
+    said: list[str] = []
+    page = opening.open_page(tmp_path / "lab", browser=False, progress=said.append)
+    assert (page.text, said) == (str(tmp_path / "lab"), [""])
     assert list((tmp_path / "lab").iterdir()) == []
 
 
-CERTIFICATE = """r161 by bbcor (NCAA BBCOR of 2009)
-  FAIL
-  e    0.4985 ± 0.0041 (u 0.0020)   95 % interval 0.4944 to 0.5026, limit 0.500
-  e    0.4760 (u 0.0019)   as found, with these balls
-"""
+INTERVAL = {"value": 0.49852, "interval_95": [0.49444, 0.50260], "limit": 0.5}
+CERTIFIED = {"verdict": "FAIL", "metric": {"name": "restitution", **INTERVAL}, "reasons": ["much"]}
+SPEED = {"name": "batted_speed", "value": 44.704, "interval_95": [44.6, 44.808], "limit": None}
+COSTS = {"hits": 6, "final_hits": 10, "balls": 12, "minutes": 252.8, "exchanged": "none"}
+PLANS = [
+    {"plan": "1", "compared": "equal", "simulated_u": 0.0015, "unit": "", **COSTS},
+    {"plan": "2", "compared": "cheapest", "simulated_u": 0.00148722, "unit": "", **COSTS},
+]
 
 
 @pytest.mark.parametrize(
-    ("command", "document", "text", "answer"),
+    ("command", "document", "answer"),
     [
-        ("certify", {}, CERTIFICATE, "FAIL: e 0.4985 ± 0.0041, limit 0.500"),
+        ("certify", CERTIFIED, "FAIL: e 0.4985 ± 0.0041, limit 0.500"),
         (
             "reduce",
-            {},
-            CERTIFICATE.replace("FAIL", "MEASURED: no test"),
-            "MEASURED: e 0.4985 ± 0.0041, limit 0.500; no test",
+            CERTIFIED | {"verdict": "MEASURED"},
+            "MEASURED: e 0.4985 ± 0.0041, limit 0.500; much",
         ),
+        ("show", CERTIFIED | {"verdict": "INVALID"}, "INVALID: much"),
+        ("show", {"kind": "bats"}, "Slope of e_A"),
+        (
+            "certify",
+            CERTIFIED | {"verdict": "MEASURED", "metric": SPEED, "reasons": []},
+            "MEASURED: v_f 100.00 ± 0.23 mph",
+        ),
+        (
+            "plan",
+            PLANS,
+            "Plan 2 reaches a standard uncertainty of 0.00149: 6 hits, 10 final hits, 12 balls, "
+            "253 minutes; exchanged: none",
+        ),
+        ("plan", PLANS[:1], "No plan reaches this uncertainty"),
         (
             "track",
             {"flights": [{"flight": 1, "speed_out_m_per_s": FLOWN, "restitution": BOUNCE}, SLOWER]},
-            "",
             "Fastest: 2.00 ± 0.20 m/s (4.5 ± 0.4 mph) at the end of flight 1; "
             "restitution 0.500 ± 0.020 after it",
         ),
-        ("verify", {"state": "whole"}, "whole", "Whole: no file was changed"),
-        ("slope", {}, "\n slope of e_A\n", "Slope of e_A"),
+        ("verify", {"state": "whole"}, "Whole: no file was changed"),
+        ("slope", {}, "Slope of e_A"),
     ],
 )
-def test_an_answer_is_one_sentence(command: str, document: Any, text: str, answer: str) -> None:
-    assert sentence(command, document, text) == answer
+def test_an_answer_is_one_sentence(command: str, document: Any, answer: str) -> None:
+    assert sentence(command, document, "\n slope of e_A\n") == answer
     assert set(answers.ANSWERS) < set(Visitor(Path()).page.commands)

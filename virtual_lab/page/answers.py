@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.units import MPH
 
 
@@ -15,7 +16,7 @@ def sentence(command: str, document: Any, text: str) -> str:
     A command without a sentence of its own has the first line of its text.
     """
     make = ANSWERS.get(command)
-    answer = make(document, text) if make else ""
+    answer = make(document) if make else ""
     first = next((line.strip() for line in text.splitlines() if line.strip()), "Done")
     return answer or first[:1].upper() + first[1:]
 
@@ -28,27 +29,31 @@ def flags(document: Any) -> list[str]:
     ]
 
 
-def _certificate(_: Any, text: str) -> str:
-    verdict = re.search(r"^  (PASS|FAIL|MEASURED|INVALID)\b:?(.*)", text, re.MULTILINE)
-    value = re.search(r"^  (\S+) +(\S+ ± \S+(?: (?!\()\S+)?) .*?(, limit .*)?$", text, re.MULTILINE)
-    if not verdict:
+def _certificate(document: Any) -> str:
+    if "verdict" not in document:  # the sheet of a bat, for example
         return ""
-    measured = f"{value[1]} {value[2]}{value[3] or ''}" if value else ""
-    reason = verdict[2].strip() if verdict[1] in ("MEASURED", "INVALID") else ""
-    return f"{verdict[1]}: {'; '.join(part for part in (measured, reason) if part)}"
+    metric, verdict = document["metric"], document["verdict"]
+    parts = [] if verdict == "FAIL" else document["reasons"]
+    if metric["interval_95"] and verdict != "INVALID":
+        printed, limit = METRICS[metric["name"]], metric["limit"]
+        value, high = map(printed.in_unit, (metric["value"], metric["interval_95"][1]))
+        number = f"{value:.{decimals(high - value)}f} ± {digits(high - value)} {printed.unit}"
+        most = "" if limit is None else f", limit {printed.limit(limit)}"
+        parts = [f"{printed.symbol} {number.strip()}{most}", *parts]
+    return f"{verdict}: {'; '.join(parts)}"
 
 
-def _score(document: Any, _: str) -> str:
+def _score(document: Any) -> str:
     metric = document["metric"]
     inside = "inside" if metric["held"] else "outside"
     return (
         f"The certificate differs from the truth by {metric['error']:+.4g} {metric['unit']}, "
         f"which is {abs(metric['z']):.1f} of its standard uncertainties; the true value "
-        f"{metric['true']:.4g} is {inside} the 95 % interval"
+        f"{metric['true_value']:.4g} is {inside} the 95 % interval"
     ).replace(" ,", ",")
 
 
-def _track(document: Any, _: str) -> str:
+def _track(document: Any) -> str:
     ends = {"in": "start", "out": "end"}
     speeds = [
         (each[f"speed_{end}_m_per_s"]["value"], each[f"speed_{end}_m_per_s"]["u"] or 0.0, end, each)
@@ -69,7 +74,7 @@ def _track(document: Any, _: str) -> str:
     )
 
 
-def _profile(document: Any, _: str) -> str:
+def _profile(document: Any) -> str:
     peaks = document.get("peaks") if isinstance(document, Mapping) else None
     if not peaks:
         return ""
@@ -85,40 +90,37 @@ def _profile(document: Any, _: str) -> str:
     )
 
 
-def _operating(document: Any, _: str) -> str:
+def _operating(document: Any) -> str:
     once = [each for each in document if each["best_of"] == 1]
     if not once:
         return ""
     middle = min(once, key=lambda each: abs(each["pass_probability"] - 0.5))
     least, most = (middle[f"pass_probability_{end}"] for end in ("low", "high"))
     return (
-        f"With a true {middle['metric']} of {middle['true']:.4g} {middle['unit']} the bat passes "
-        f"with a probability of {100 * middle['pass_probability']:.0f} % (95 % interval "
+        f"With a true {middle['metric']} of {middle['true_value']:.4g} {middle['unit']} the bat "
+        f"passes with a probability of {100 * middle['pass_probability']:.0f} % (95 % interval "
         f"{100 * least:.0f} to {100 * most:.0f} %)"
     ).replace("  ", " ")
 
 
-def _plan(_: Any, text: str) -> str:
-    lines = text.splitlines()
-    head = next((line for line in lines if "reaches the target" in line), "")
-    columns = re.split(r" {2,}", head.strip())
-    for line in lines[lines.index(head) + 1 :] if head else ():
-        row = dict(zip(columns, re.split(r" {2,}", line.strip()), strict=False))
-        if row.get("reaches the target") == "yes":
-            return (
-                f"Plan {row['plan']} reaches a standard uncertainty of {row['simulated u']}: "
-                f"{row['hits']} hits, {row['final hits']} final hits, {row['balls']} balls, "
-                f"{row['minutes']} minutes; exchanged: {row['exchanged']}"
-            )
-    return "No plan reaches this uncertainty"
+def _plan(document: Any) -> str:
+    plan = next((each for each in document if each["compared"] == "cheapest"), None)
+    if plan is None:
+        return "No plan reaches this uncertainty"
+    u = f"{plan['simulated_u']:.3g} {plan['unit']}".strip()
+    return (
+        f"Plan {plan['plan']} reaches a standard uncertainty of {u}: {plan['hits']} hits, "
+        f"{plan['final_hits']} final hits, {plan['balls']} balls, {plan['minutes']:.0f} minutes; "
+        f"exchanged: {plan['exchanged']}"
+    )
 
 
-def _verify(document: Any, _: str) -> str:
+def _verify(document: Any) -> str:
     state = document["state"]
     return "Whole: no file was changed" if state == "whole" else f"The folder is {state}"
 
 
-ANSWERS: Mapping[str, Callable[[Any, str], str]] = {
+ANSWERS: Mapping[str, Callable[[Any], str]] = {
     "certify": _certificate,
     "reduce": _certificate,
     "show": _certificate,
