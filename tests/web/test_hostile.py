@@ -61,26 +61,15 @@ def test_only_the_first_browser_enters(tmp_path: Path) -> None:
     assert visitor.ask(f"/?token={TOKEN}").status == 403
 
 
-@pytest.mark.parametrize(
-    "path", ["/run/1", "/run/1/file?name=../secret.txt", "/form/x", "/nowhere"]
-)
-def test_what_is_not_there_is_not_found(visitor: Visitor, path: str) -> None:
-    assert visitor.ask(path).status == 404
+def test_what_is_not_there_is_not_found(visitor: Visitor) -> None:
+    for path in ("/run/1", "/run/1/file?name=../secret.txt", "/form/x", "/nowhere"):
+        assert visitor.ask(path).status == 404
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "..%2Fsecret.txt",
-        "%2Fetc%2Fx",
-        "a%2F..%2F..%2Fx",
-        "C%3A%5Cx",
-        "..",
-        "",
-        "..%5Csecret.txt",
-        "a%00b",
-    ],
-)
+NAMES = "..%2Fsecret.txt %2Fetc%2Fx a%2F..%2F..%2Fx C%3A%5Cx .. ..%5Csecret.txt a%00b"
+
+
+@pytest.mark.parametrize("name", ["", *NAMES.split()])
 def test_an_upload_stays_below_its_folder(visitor: Visitor, name: str) -> None:
     answer = visitor.ask(f"/upload?name={name}", b"data")
     assert answer.status == 422
@@ -96,9 +85,8 @@ def test_an_upload_stays_below_its_folder(visitor: Visitor, name: str) -> None:
         zipped(**{"__evil.txt": b"x"}),
         zipped(**{f"{n}": bytes(2**29) for n in range(3)}),
         zipped(a=b"x")[:40],
-        b"no zip",
     ],
-    ids=["climbs", "absolute", "bomb", "damaged", "no zip"],
+    ids=["climbs", "absolute", "bomb", "damaged"],
 )
 def test_a_hostile_zip_leaves_nothing(visitor: Visitor, content: bytes) -> None:
     answer = visitor.ask("/upload?name=records.zip", content)
@@ -108,7 +96,8 @@ def test_a_hostile_zip_leaves_nothing(visitor: Visitor, content: bytes) -> None:
 
 
 def test_uploads_are_stored_once_and_offered(visitor: Visitor) -> None:
-    """A file, a file of a folder, and the folder in a zip."""
+    """A file, a file of a folder, and the folder in a zip; 2 GB are refused."""
+    assert visitor.ask("/upload?name=a.mp4", b"", content_length=str(2**31)).status == 413
     for _ in range(2):
         answer = visitor.ask("/upload?name=ball.mp4", b"clip")
         assert json.loads(answer.body)["title"] == "uploads/ball.mp4"
@@ -132,8 +121,3 @@ def test_only_clips_of_the_folder_are_shown(visitor: Visitor) -> None:
     assert size == {"count": 12, "width": 320, "height": 240}
     assert visitor.ask(f"/clip?path={within}&frame=3").headers["content-type"] == "image/jpeg"
     assert visitor.ask(f"/clip?path={within}&frame=12").status == 404
-
-
-def test_an_upload_of_two_gigabytes_is_refused(visitor: Visitor) -> None:
-    answer = visitor.ask("/upload?name=a.mp4", b"", content_length=str(2**31))
-    assert answer.status == 413

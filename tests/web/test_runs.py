@@ -71,7 +71,7 @@ def test_a_result_is_the_same_as_at_the_shell(
 
 
 def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None:
-    """Two runs at most; a reload and the start page show them; nothing is left of their results."""
+    """Two runs at most; a reload and the start page show them; nothing is left; quit ends all."""
     for number in (1, 2):
         answer = visitor.submit("sweep", SLOW)
         assert answer.headers["location"] == f"/run/{number}"
@@ -98,6 +98,10 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
     assert "ended before it had a result" in visitor.ask("/run/2").words
     assert [path.name for path in visitor.page.folder.iterdir()] == ["runs"]
     assert process is None or process.poll() is not None
+    visitor.submit("sweep", SLOW)
+    assert "The page is closed" in visitor.ask("/quit", b"").words
+    wait(lambda: not visitor.page.runs.workers)
+    assert visitor.quits == [True]
 
 
 def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
@@ -121,19 +125,10 @@ def test_the_sealed_truth_leaves_only_if_ticked(visitor: Visitor) -> None:
     assert "certificate.json" in page
     assert "truth.json" not in page
     assert f'href="/form/score?folder={quote(str(made))}"' in page
-    for query, names in (
-        ("", {"certificate.json"}),
-        ("?truth=yes", {"certificate.json", "truth.json"}),
-    ):
+    both = {"certificate.json", "truth.json"}
+    for query, names in (("", {"certificate.json"}), ("?truth=yes", both)):
         archive = zipfile.ZipFile(BytesIO(visitor.ask(f"/run/1/zip{query}").body))
         assert {Path(name).name for name in archive.namelist()} == names
-
-
-def test_quit_ends_runs_and_server(visitor: Visitor) -> None:
-    visitor.submit("sweep", SLOW)
-    assert "The page is closed" in visitor.ask("/quit", b"").words
-    wait(lambda: not visitor.page.runs.workers)
-    assert visitor.quits == [True]
 
 
 SLOWER = {"flight": 2, "speed_in_m_per_s": {"value": 1.0, "u": 0.1}}

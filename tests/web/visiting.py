@@ -32,6 +32,7 @@ class Answer:
     def words(self) -> str:
         """The text that a user reads or hears, without the shell and Python lines."""
         text = re.sub(r"<(script|style|pre).*?</\1>", " ", self.text, flags=re.DOTALL)
+        text = re.sub(r"<code>.*?</code>", " ", text)  # the path of the folder
         said = re.findall(r'(?:aria-label|title|placeholder|alt)="([^"]*)"', text)
         return " ".join([re.sub(r"<[^>]*>", " ", text), *said])
 

@@ -198,8 +198,7 @@ def _parameter(each: ParameterDescription, command: Command) -> click.Parameter:
     if command.takes_position(each.name):
         nargs = -1 if each.rule.several else 1
         return click.Argument([each.name], type=RuleType(rule), nargs=nargs, required=required)
-    name = each.name.removesuffix("s") if each.rule.several else each.name
-    form, words = f"--{name.replace('_', '-')}", help_text(each)
+    form, words = f"--{command.option(each.name)}", help_text(each)
     if rule.kind == "flag":
         forms = f"{form}/--no-{form.removeprefix('--')}"
         return Flag([forms, each.name], default=bool(each.default), help=words)

@@ -118,6 +118,11 @@ class Command:
         """Return whether a parameter is an argument without an option's name at the shell."""
         return not self.fields[key].keyword and key not in self.options
 
+    def option(self, key: str) -> str:
+        """Return the name of a parameter's option at the shell, without its dashes."""
+        name = key.removesuffix("s") if self.fields[key].rule.several else key
+        return name.replace("_", "-")
+
     def require_rules(self) -> None:
         """Raise `ValueError` for a function without docstring, or a parameter without a rule."""
         assert self.first_line

@@ -26,9 +26,8 @@ def shell_words(call: Call) -> list[str]:
         positional += _words(call.values.get(key, command.fields[key].default))
     for key, value in call.values.items():
         if key not in places:
-            rule = command.fields[key].rule
-            option = (key.removesuffix("s") if rule.several else key).replace("_", "-")
-            if rule.kind == "flag":
+            option = command.option(key)
+            if command.fields[key].rule.kind == "flag":
                 options.append(f"--{option}" if value else f"--no-{option}")
             else:
                 options += [each for word in _words(value) for each in (f"--{option}", word)]

@@ -57,8 +57,8 @@ def controls(
     for key, each in command.parameters.items():
         if not has_control(command, key):
             continue
-        option = f"--{(key.removesuffix('s') if each.rule.several else key).replace('_', '-')}"
-        used = command.takes_position(key) or each.default is REQUIRED or option in example
+        stated = f"--{command.option(key)}" in example
+        used = command.takes_position(key) or each.default is REQUIRED or stated
         kind, choices = _kind(command, each, folder)
         entered = values.get(key, texts(each.default))
         if kind in ("path", "paths", "choice", "choices"):  # a value from elsewhere

@@ -52,11 +52,6 @@ class StartedRun:
         values = {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
         return ", ".join(Path(text).name for each in values.values() for text in texts(each))[:80]
 
-    @property
-    def began(self) -> float:
-        """Time of the start [s since 1970]."""
-        return float(self.call["began"])
-
     @cached_property
     def outcome(self) -> dict[str, Any]:
         """The outcome; blank while the run is in progress, and after it was ended."""
@@ -75,10 +70,9 @@ class StartedRun:
         found = {}
         for text in self.outcome["written"]:
             path = Path(text)
-            inside = sorted(path.rglob("*")) if path.is_dir() else [path]
-            for each in inside:
+            for each in (path, *sorted(path.rglob("*"))):
                 if each.is_file():
-                    found[str(each.relative_to(path.parent) if each != path else each.name)] = each
+                    found[str(each.relative_to(path.parent))] = each
         return found
 
 

@@ -18,11 +18,12 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from virtual_lab.commands.call import RefusedError, field_of
+from virtual_lab.api.describing import REQUIRED
+from virtual_lab.commands.call import RefusedError
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.table import SECTIONS, every_command
 from virtual_lab.commands.wording import parameters_named
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError
 from virtual_lab.files import inside
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
@@ -30,7 +31,7 @@ from virtual_lab.page.clips import clip_size, frame_picture
 from virtual_lab.page.fields import controls, given, texts
 from virtual_lab.page.runs import Runs, StartedRun
 from virtual_lab.page.uploads import LARGEST_UPLOAD, UPLOADS, receive
-from virtual_lab.page.wording import field_name, limits
+from virtual_lab.page.wording import field_name, limits, refusal
 from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
@@ -53,21 +54,17 @@ class Page:
         """Return a page made from a template."""
         self.last_request = time.monotonic()
         template = page_template(PACKAGE, name, "virtual_lab.web")
-        html = template.render(folder=self.folder, quote=quote, words=wording, **values)
+        html = template.render(
+            folder=self.folder, quote=quote, words=wording, REQUIRED=REQUIRED, **values
+        )
         return HTMLResponse(html, status_code=status)
 
     def start(self, _: Request) -> Response:
         """Return the start page."""
-        named = {name: each for name, each in self.commands.items() if name not in HIDDEN}
-        sections = {
-            title: [
-                named[each.name]
-                for row in rows
-                for each in (row, *row.variants)
-                if each.name in named
-            ]
-            for title, rows in SECTIONS.items()
-        }
+        sections = {}
+        for title, rows in SECTIONS.items():
+            every = [each for row in rows for each in (row, *row.variants) if not each.words]
+            sections[title] = [each for each in every if each.name not in HIDDEN]
         sections[LAST] = [self.commands[name] for name in CHECKS]
         size = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
         return self.render("start.html", sections=sections, runs=self.runs.all(), size=size)
@@ -77,11 +74,13 @@ class Page:
         command: Command,
         values: Mapping[str, Sequence[str]],
         faults: Mapping[str, str],
-        general: str = "",
     ) -> Response:
-        """Return the form of a command, with sentences about values that were refused."""
+        """Return the form of a command, with sentences about values that were refused.
+
+        The key of a sentence is the name of its field, or empty for a sentence above the form.
+        """
         fields = controls(command, self.folder, values, faults)
-        status = 422 if faults or general else 200
+        status, general = 422 if any(faults.values()) else 200, faults.get("", "")
         return self.render("form.html", status, command=command, fields=fields, general=general)
 
     def ask(self, request: Request) -> Response:
@@ -92,20 +91,13 @@ class Page:
         if run is None:
             return self.form(command, {key: stated.getlist(key) for key in stated}, {})
         values = {key: texts(each) for key, each in run.call["values"].items()}
-        return self.refuse(command, values, run.outcome["field"], run.outcome["refused"])
+        return self.form(command, values, {run.outcome["field"]: run.outcome["refused"]})
 
     def _command(self, request: Request) -> Command:
         command = self.commands.get(request.path_params["name"])
         if command is None:
             raise HTTPException(404)
         return command
-
-    def refuse(
-        self, command: Command, values: Mapping[str, Sequence[str]], field: str, sentence: str
-    ) -> Response:
-        """Return the form with a sentence beside its field, or above the form without one."""
-        faults = {field: sentence} if field and sentence else {}
-        return self.form(command, values, faults, "" if field else sentence)
 
     @parameters_named(field_name)
     def begin(self, request: Request, form: Mapping[str, Sequence[str]]) -> Response:
@@ -118,12 +110,9 @@ class Page:
             refused = {key: self._sentence(command, key, form) for key in fault.faults}
             return self.form(command, form, refused)
         except InputError as fault:
-            key = field_of(command, fault)
-            allowed = worded(fault.allowed)
-            sentence = f"“{fault.value}” cannot be used: {allowed}" if key else allowed
-            return self.refuse(command, form, key, sentence if key or not fault.key else str(fault))
+            return self.form(command, form, dict([refusal(command, fault)]))
         except OSError as fault:
-            return self.refuse(command, form, "", f"Nothing can be stored: {fault.strerror}.")
+            return self.form(command, form, {"": f"Nothing can be stored: {fault.strerror}."})
         return RedirectResponse(f"/run/{run.number}", status_code=303)
 
     def _sentence(self, command: Command, key: str, form: Mapping[str, Sequence[str]]) -> str:
@@ -145,7 +134,6 @@ class Page:
             files=[name for name, path in run.files.items() if "truth" not in path.parts],
             target=target,
             certified=(Path(target) / "certificate.json").is_file(),
-            state=_state(run),
         )
 
     def _run(self, request: Request) -> StartedRun:
@@ -158,7 +146,10 @@ class Page:
         """Return the progress of a run as JSON."""
         self.last_request = time.monotonic()
         run = self._run(request)
-        return JSONResponse(_state(run))
+        counted = re.search(r": +(\d+) of (\d+),", run.progress)
+        done, total = map(int, counted.groups()) if counted else (0, 0)
+        state = {"live": run.live, "line": run.progress, "done": done, "total": total}
+        return JSONResponse(state)
 
     def alive(self, _: Request) -> Response:
         """Take note that a page is open."""
@@ -261,11 +252,3 @@ def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
     absent = {404: lambda *_: sentence_page(404, "There is no such page.")}
     inside = Starlette(routes=routes, exception_handlers=absent)
     return PageDoor(inside, {token: Seat()}, hosts=hosts)
-
-
-def _state(run: StartedRun) -> dict[str, Any]:
-    """Return the state of a run: whether it is live, the current task, and its share."""
-    line = run.progress
-    counted = re.search(r": +(\d+) of (\d+),", line)
-    done, total = map(int, counted.groups()) if counted else (0, 0)
-    return {"live": run.live, "line": line, "done": done, "total": total}

@@ -25,9 +25,7 @@ async def receive(request: Request, folder: Path) -> Path:
     """
     home = folder / UPLOADS
     name = request.query_params.get("name", "")
-    parts = PurePosixPath(name.replace("\\", "/")).parts
-    if not parts or any(part in ("..", "/") or {":", "\0"} & {*part} for part in parts):
-        raise InputError("", "name", name, "This name cannot be used.")
+    parts = _parts(name)
     path = inside(home, "/".join(parts), name, "file")
     same = path.is_file() and path.stat().st_size == int(request.headers["content-length"])
     if len(parts) == 1 and not same:
@@ -43,6 +41,14 @@ async def receive(request: Request, folder: Path) -> Path:
         raise InputError("", "name", name, allowed) from fault
 
 
+def _parts(name: str) -> tuple[str, ...]:
+    """Return the parts of a path. Raises `InputError` if it is empty or leads elsewhere."""
+    parts = PurePosixPath(name.replace("\\", "/")).parts
+    if not parts or any(part in ("..", "/") or {":", "\0"} & {*part} for part in parts):
+        raise InputError("", "name", name, f"The name “{name}” cannot be used.")
+    return parts
+
+
 def _unpack(path: Path) -> Path:
     """Unpack a zip file into a new folder beside it, and remove it. Return the folder."""
     target = first_free(path.with_suffix(""))
@@ -56,11 +62,7 @@ def _unpack(path: Path) -> Path:
                 allowed = "A zip file may hold at most 10 000 files and 1 GB."
                 raise InputError("", "name", path.name, allowed)
             for each in members:
-                try:
-                    inside(target, each.filename, path.name, "file")
-                except InputError as fault:
-                    allowed = "The zip file has a path that leads out of it."
-                    raise InputError("", "name", path.name, allowed) from fault
+                _parts(each.filename)
             archive.extractall(target, members)
     except (zipfile.BadZipFile, OSError, RuntimeError, InputError) as fault:
         shutil.rmtree(target, ignore_errors=True)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
-from virtual_lab.api.describing import REQUIRED, ParameterDescription
+from virtual_lab.api.describing import ParameterDescription
 from virtual_lab.catalog.reading import DATA
+from virtual_lab.commands.call import field_of
+from virtual_lab.commands.command import Command
+from virtual_lab.errors import InputError, worded
 from virtual_lab.files import parse_toml
 from virtual_lab.parameters import ParameterRule
 
@@ -32,13 +35,6 @@ def field_name(key: str, value: str = "") -> str:
     return f"“{title_of(key)}” {value}".strip()
 
 
-def unit_beside(each: ParameterDescription) -> str:
-    """Return the unit of a number, from its type, its description or the page; may be empty."""
-    match = UNIT.search(each.words.split("\n\n", maxsplit=1)[0])
-    usual = (each.rule.several or each.rule).unit or (match[1] if match else "")
-    return str(WORDS["units"].get(each.name, usual))
-
-
 def plain(words: str, title: str = "") -> str:
     """Return a description without marks of code, and without sentences for programmers.
 
@@ -59,9 +55,12 @@ def notes(each: ParameterDescription, choices: Collection[object]) -> str:
     return f"{plain(each.words, title_of(each.name))} {allowed and f'Allowed: {allowed}.'}".strip()
 
 
-def is_needed(each: ParameterDescription) -> bool:
-    """Return whether a parameter has no default."""
-    return each.default is REQUIRED
+def refusal(command: Command, fault: InputError) -> tuple[str, str]:
+    """Return the field of a command that an error belongs to, or "", and a sentence about it."""
+    key, allowed = field_of(command, fault), worded(fault.allowed)
+    if key:
+        return key, f"“{fault.value}” cannot be used: {allowed}"
+    return "", str(fault) if fault.key or fault.where else allowed
 
 
 def limits(rule: ParameterRule) -> str:

@@ -9,17 +9,17 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.commands.call import bind, field_of
+from virtual_lab.commands.call import bind
 from virtual_lab.commands.lines import python_line, shell_line
 from virtual_lab.commands.rehearse import ExcludedError
 from virtual_lab.commands.running import carry_out
 from virtual_lab.commands.table import every_command
 from virtual_lab.commands.wording import parameters_named
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError
 from virtual_lab.files import whole_file
 from virtual_lab.output.progress import show_progress
 from virtual_lab.page.answers import flags, sentence
-from virtual_lab.page.wording import field_name
+from virtual_lab.page.wording import field_name, refusal
 
 CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
 BLANK: dict[str, Any] = {  # an outcome without a result
@@ -77,9 +77,7 @@ def carry_out_run(path: Path) -> None:
     except ExcludedError as fault:
         outcome |= {"refused": str(fault)}
     except InputError as fault:
-        key = field_of(command, fault)
-        refused = f"“{fault.value}” cannot be used: {worded(fault.allowed)}" if key else str(fault)
-        outcome |= {"refused": refused, "field": key}
+        outcome["field"], outcome["refused"] = refusal(command, fault)
     except OSError as fault:
         outcome |= {"refused": f"{fault.filename or 'file'}: {fault.strerror}"}
     except Exception:
