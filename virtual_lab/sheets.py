@@ -416,6 +416,16 @@ AnyName = Annotated[
         read=read_name, allowed="a name, or a path", complete=_titles, metavar="NAME", kind="name"
     ),
 ]
+AnyScenario = Annotated[
+    str | Path,
+    ParameterRule(
+        read=read_name,
+        allowed="a scenario: its name, or a .toml file",
+        complete=lambda: _titles("bench/scenarios"),
+        metavar="SCENARIO",
+        kind="name",
+    ),
+]
 AnyBat = Annotated[AnyEntry, BAT]
 AnyBats = Annotated[AnyEntries, BATS]
 AnyBall = Annotated[AnyEntry, entry_rule("balls")]

@@ -135,6 +135,9 @@ def test_folders_and_files_of_the_user_are_offered(tmp_path: Path) -> None:
     visitor = Visitor(tmp_path)
     assert f'value="{tmp_path / "result"}"' in visitor.ask("/form/score").text
     assert str(tmp_path / "other") not in visitor.ask("/form/score").text
+    rehearse = visitor.ask("/form/rehearse").text
+    assert ("act.json" in rehearse, "seal.json" in rehearse) == (True, False)
+    assert '<option value="plain-day" selected>The plain day' in rehearse
     form = visitor.ask("/form/certify").text
     assert f'value="{tmp_path / "mine.toml"}"' in form
     assert "settings.toml" not in form

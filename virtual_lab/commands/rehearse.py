@@ -22,7 +22,7 @@ from virtual_lab.parameters import (
     Seed,
     Trainees,
 )
-from virtual_lab.sheets import AnyName
+from virtual_lab.sheets import AnyScenario
 
 if TYPE_CHECKING:
     from virtual_lab.bench.entrance.operated_day import RehearsedDay
@@ -38,7 +38,7 @@ class ExcludedError(ValueError):
 
 def day(
     *,
-    scenario: AnyName = "plain-day",
+    scenario: AnyScenario = "plain-day",
     operator: OperatorName | None = None,
     script: File | None = None,
     seed: Seed | None = None,
@@ -65,7 +65,7 @@ def day(
     Parameters
     ----------
     scenario
-        The day: a name (listed on the page "Scenarios") or a .toml file.
+        Scenario of the day: a name in the catalog or a .toml file.
     operator
         Simulated operator who carries out the day instead of you.
     script
@@ -199,7 +199,7 @@ def branch(day: DayFolder, entry: int, folder: NewFolder) -> Answer:
     )
 
 
-def check(scenario: AnyName) -> StudyResult:
+def check(scenario: AnyScenario) -> StudyResult:
     """Check the scenario of a rehearsal by six simulated test days.
 
     The operators `book` and `expert` carry out three test days each. One row per test day is

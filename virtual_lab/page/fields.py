@@ -116,7 +116,7 @@ def _kind(
         return "numbers" if several else "number", []
     if rule.kind == "text" or rule.metavar in TYPED:
         results = _offered(folder, ("result",), ()) if command.name == "show" else ()
-        return "text", [] if command.name.startswith("rehearse") else [*choices, *results]
+        return "text", [*choices, *results]
     if not rule.closed:
         choices += _offered(folder, (), (".toml",))
     choices += WORDS["files"].items() if command.name == "template" else ()
@@ -133,7 +133,7 @@ def _offered(
 ) -> Iterator[tuple[str, str]]:
     """Yield folders of some kinds and files with some endings below a folder, newest first.
 
-    Files of results and laboratories are left out, and so are the runs of the page.
+    Files of results and laboratories are left out, sealed truths, and the runs of the page.
     """
     found = []
     for place, names, files in os.walk(folder):
@@ -142,6 +142,6 @@ def _offered(
         found += [path] if kind in kinds else []
         found += [] if kind else [path / name for name in files if name.lower().endswith(endings)]
         deep = len(path.relative_to(folder).parts) >= DEEPEST or kind == "laboratory"
-        names[:] = [] if deep else [name for name in names if name != RUNS]
+        names[:] = [] if deep else [name for name in names if name not in (RUNS, "truth")]
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):
         yield str(path), str(path.relative_to(folder))
