@@ -153,6 +153,22 @@ PLANS = [
 ]
 
 
+def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
+    """Once, with answer and settings; a damaged folder is left out."""
+    for name, certificate in (("made", CERTIFIED), ("old", {"verdict": "PASS"})):
+        (visitor.page.folder / name).mkdir()
+        (visitor.page.folder / name / "certificate.json").write_text(json.dumps(certificate))
+    (visitor.page.folder / "made" / "truth").mkdir()
+    (visitor.page.folder / "made" / "settings.toml").write_text('bat = "r161"')
+    for _ in range(2):
+        page = visitor.ask("/").text
+        assert page.count("FAIL: e 0.4985 ± 0.0041, limit 0.500") == page.count("/run/") == 1
+    result = visitor.ask("/run/1").text
+    assert "made/certificate.json" in result
+    assert f'href="/form/score?folder={quote(str(visitor.page.folder / "made"))}"' in result
+    assert '<option value="r161" selected' in visitor.ask("/form/certify?run=1").text
+
+
 @pytest.mark.parametrize(
     ("command", "document", "answer"),
     [

@@ -111,14 +111,14 @@ def _kind(
     if rule.kind in ("file", "folder", "clip"):
         endings = () if rule.kind == "folder" else tuple(WORDS["endings"].get(each.name, [".toml"]))
         kinds = () if endings else rule.holds or tuple(KINDS)
-        return "paths" if several else "path", [*_offered(folder, kinds, endings)]
+        return "paths" if several else "path", [*offered(folder, kinds, endings)]
     if rule.kind == "number":
         return "numbers" if several else "number", []
     if rule.kind == "text" or rule.metavar in TYPED:
-        results = _offered(folder, ("result",), ()) if command.name == "show" else ()
+        results = offered(folder, ("result",), ()) if command.name == "show" else ()
         return "text", [*choices, *results]
     if not rule.closed:
-        choices += _offered(folder, (), (".toml",))
+        choices += offered(folder, (), (".toml",))
     choices += WORDS["files"].items() if command.name == "template" else ()
     return "choices" if several else "choice", choices
 
@@ -128,7 +128,7 @@ def is_new(each: ParameterDescription) -> bool:
     return each.rule.holds == ("new",)
 
 
-def _offered(
+def offered(
     folder: Path, kinds: Sequence[str], endings: tuple[str, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield folders of some kinds and files with some endings below a folder, newest first.

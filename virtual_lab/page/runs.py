@@ -18,10 +18,12 @@ from virtual_lab.commands.command import Command
 from virtual_lab.commands.output import LONGEST_NAME
 from virtual_lab.commands.running import prepare
 from virtual_lab.errors import InputError
-from virtual_lab.files import first_free, whole_file
-from virtual_lab.page.fields import RUNS, is_new, texts
+from virtual_lab.files import first_free, parse_toml, read_text
+from virtual_lab.page.answers import flags, sentence
+from virtual_lab.page.fields import RUNS, is_new, offered, texts
 from virtual_lab.page.wording import WORDS
-from virtual_lab.page.working import BLANK, CALL, OUTCOME, PROGRESS_LINE, carry_out_run
+from virtual_lab.page.working import BLANK, CALL, OUTCOME, PROGRESS_LINE, carry_out_run, write_json
+from virtual_lab.parameters import SETTINGS
 from virtual_lab.processes import Worker, WorkerLostError
 
 CHOSEN = ("out", "csv", "open")  # fields of which a user does not think
@@ -94,18 +96,48 @@ class Runs:
             if len(self.workers) >= MOST:
                 allowed = f"{MOST} runs are in progress; wait for one of them, or cancel it"
                 raise InputError("", "", None, allowed)
-            number = max([0, *(int(each.name) for each in self._folders())]) + 1
+            number = self._next()
             values = {**values, **self._places(command, values, new, number)}
             prepare(bind(command, values))
-            path = self.folder / RUNS / f"{number:04}"
+            path = self._folder(number)
             path.mkdir(parents=True)
-            content = {"command": command.name, "values": values, "began": time.time()}
-            with whole_file(path / CALL) as file:
-                file.write(json.dumps(content, default=str).encode())
+            call = {"command": command.name, "values": values, "began": time.time()}
+            write_json(path / CALL, call)
             self.workers[number] = Worker(f"run {number}")
         run = StartedRun(path, True)
         Thread(target=self._carry_out, args=(run,), daemon=True).start()
         return run
+
+    def adopt(self) -> None:
+        """Make a run of each result that the command line has written below the folder.
+
+        Nothing is done while a run is in progress, whose result may be there before its outcome.
+        """
+        with self.lock:
+            known = {text for run in self.all() for text in run.outcome["written"]}
+            results = [] if self.workers else [*offered(self.folder, ("result",), ())]
+            for text, _ in reversed(results):
+                with suppress(InputError, OSError, KeyError, TypeError):  # a damaged folder
+                    if text not in known:
+                        self._adopt(Path(text))
+
+    def _adopt(self, result: Path) -> None:
+        certificate, settings = result / "certificate.json", result / SETTINGS
+        document = _read(certificate)
+        if "verdict" not in document:
+            return
+        answer = sentence("show", document, "")
+        outcome = {"answer": answer, "flags": flags(document), "written": [str(result)]}
+        values = parse_toml(read_text(settings), str(settings)) if settings.exists() else {}
+        name = "certify" if (result / "truth").is_dir() else "reduce"
+        call = {"command": name, "values": values, "began": certificate.stat().st_mtime}
+        path = self._folder(self._next())
+        path.mkdir(parents=True)
+        write_json(path / OUTCOME, outcome)
+        write_json(path / CALL, call)
+
+    def _next(self) -> int:
+        return max([0, *(int(each.name) for each in self._folders())]) + 1
 
     def _carry_out(self, run: StartedRun) -> None:
         with suppress(WorkerLostError, OSError):  # a killed worker, a full disk

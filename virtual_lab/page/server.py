@@ -66,6 +66,7 @@ class Page:
             every = [each for row in rows for each in (row, *row.variants) if not each.words]
             sections[title] = [each for each in every if each.name not in HIDDEN]
         sections[LAST] = [self.commands[name] for name in CHECKS]
+        self.runs.adopt()
         size = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
         return self.render("start.html", sections=sections, runs=self.runs.all(), size=size)
 

@@ -84,5 +84,10 @@ def carry_out_run(path: Path) -> None:
         outcome |= {"refused": "a bug in this program, not in your input"}
         outcome["text"] = traceback.format_exc()
     outcome["seconds"] = time.monotonic() - began
-    with whole_file(path / OUTCOME) as file:
-        file.write(json.dumps(outcome, default=str).encode())
+    write_json(path / OUTCOME, outcome)
+
+
+def write_json(path: Path, content: object) -> None:
+    """Write a file that a reader sees whole or not at all."""
+    with whole_file(path) as file:
+        file.write(json.dumps(content, default=str).encode())
