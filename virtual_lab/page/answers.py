@@ -22,11 +22,14 @@ def sentence(command: str, document: Any, text: str) -> str:
 
 
 def flags(document: Any) -> list[str]:
-    """Return the flags of a certificate or a track."""
-    raised = document.get("flags", ()) if isinstance(document, Mapping) else ()
-    return [
-        str(each.get("name", each)) if isinstance(each, Mapping) else str(each) for each in raised
+    """Return the flags of a certificate or a track, those of a track with their warnings."""
+    if not isinstance(document, Mapping):
+        return []
+    raised = [
+        str(each.get("name", each)) if isinstance(each, Mapping) else str(each)
+        for each in document.get("flags", ())
     ]
+    return [*raised, *(document.get("warnings", ()) if raised else ())]
 
 
 def _certificate(document: Any) -> str:
@@ -78,15 +81,18 @@ def _profile(document: Any) -> str:
     peaks = document.get("peaks") if isinstance(document, Mapping) else None
     if not peaks:
         return ""
+    law = peaks[0]["swing_exponent"]
+    peaks = [each for each in peaks if each["swing_exponent"] == law]
     most = max(peaks, key=lambda each: each["peak_batted_speed_mph"])
     others = [each for each in peaks if each["bat"] != most["bat"]]
     speed = most["peak_batted_speed_mph"]
+    swing = f"swung with a speed proportional to inertia^-{law:g}" if law else "swung equally fast"
     if not others:
         return f"{most['bat']}: batted balls up to {speed:.1f} mph ({speed * MPH:.1f} m/s)"
     less = speed - max(each["peak_batted_speed_mph"] for each in others)
     return (
         f"{most['bat']} hits hardest: batted balls up to {speed:.1f} mph ({speed * MPH:.1f} m/s), "
-        f"{less:.1f} mph ({less * MPH:.1f} m/s) more than the next bat"
+        f"{less:.1f} mph ({less * MPH:.1f} m/s) more than the next bat, {swing}"
     )
 
 
@@ -104,12 +110,14 @@ def _operating(document: Any) -> str:
 
 
 def _plan(document: Any) -> str:
-    plan = next((each for each in document if each["compared"] == "cheapest"), None)
-    if plan is None:
-        return "No plan reaches this uncertainty"
+    reaching = [each for each in document if each["reaches"] == "yes"]
+    if not reaching:
+        return "No plan is sure to reach this uncertainty"
+    plan = min(reaching, key=lambda each: each["compared"] != "cheapest")
+    name = {"present": "The present laboratory"}.get(plan["plan"], f"Plan {plan['plan']}")
     u = f"{plan['simulated_u']:.3g} {plan['unit']}".strip()
     return (
-        f"Plan {plan['plan']} reaches a standard uncertainty of {u}: {plan['hits']} hits, "
+        f"{name} reaches a standard uncertainty of {u}: {plan['hits']} hits, "
         f"{plan['final_hits']} final hits, {plan['balls']} balls, {plan['minutes']:.0f} minutes; "
         f"exchanged: {plan['exchanged']}"
     )
@@ -118,6 +126,11 @@ def _plan(document: Any) -> str:
 def _verify(document: Any) -> str:
     state = document["state"]
     return "Whole: no file was changed" if state == "whole" else f"The folder is {state}"
+
+
+def _template(document: Any) -> str:
+    forms = document.get("folder")
+    return f"Empty forms to fill in are in {forms}" if forms else f"Fill in {document['file']}"
 
 
 ANSWERS: Mapping[str, Callable[[Any], str]] = {
@@ -130,4 +143,5 @@ ANSWERS: Mapping[str, Callable[[Any], str]] = {
     "profile": _profile,
     "operating": _operating,
     "plan": _plan,
+    "template": _template,
 }

@@ -12,6 +12,7 @@ from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.commands.command import Command
 from virtual_lab.files.folders import KINDS, folder_kind
 from virtual_lab.page.wording import WORDS
+from virtual_lab.parameters import SETTINGS
 
 FOLDED = ("seed", "operator_seed", "workers")  # always among the fields that are folded
 CHOSEN = "the page chooses the new folder or file"
@@ -140,7 +141,13 @@ def offered(
         path = Path(place)
         kind = folder_kind(path) if path != folder else ""
         found += [path] if kind in kinds else []
-        found += [] if kind else [path / name for name in files if name.lower().endswith(endings)]
+        found += (
+            []
+            if kind
+            else [
+                path / name for name in files if name.lower().endswith(endings) and name != SETTINGS
+            ]
+        )
         deep = len(path.relative_to(folder).parts) >= DEEPEST or kind == "laboratory"
         names[:] = [] if deep else [name for name in names if name not in (RUNS, "truth")]
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):

@@ -135,6 +135,7 @@ class Page:
             files=[name for name, path in run.files.items() if "truth" not in path.parts],
             target=target,
             certified=(Path(target) / "certificate.json").is_file(),
+            sealed=(Path(target) / "truth" / "truth.json").is_file(),
         )
 
     def _run(self, request: Request) -> StartedRun:

@@ -114,6 +114,7 @@ if (panel) {
     event.key === "Enter" ? set() : draw();
   });
   slide.addEventListener("change", step);
+  one("[data-length]", panel).addEventListener("input", ({ target }) => field("scale").value && put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`));
   all("[data-end]", panel).forEach((button, index) => button.addEventListener("click", () => {
     const ends = (field("frames").value || `0:${size.count - 1}`).split(":");
     put("frames", ends.with(index, slide.value).join(":"));
