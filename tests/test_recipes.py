@@ -491,8 +491,8 @@ assert "-moon" in read_interlab(Path("lot.toml")).spec.varied
 def a_parameter(copy: Copy) -> None:
     copy.edit(
         "virtual_lab/studies/place_slope.py",
-        r"(^def slope\(\n.*?), instruments",
-        r"\1, color: bool = False, instruments",
+        r"^    laboratory: ",
+        r"    color: bool = False,\n\g<0>",
     )
     copy.edit(
         "virtual_lab/studies/place_slope.py",

@@ -22,7 +22,7 @@ HERE = Path(__file__)
     [
         (
             {"host": "0.0.0.0"},
-            "beyond this computer the page needs --tls-certificate",
+            "beyond this computer the page needs tls_certificate= and tls_key=",
         ),
         ({"host": "no such host"}, "host = 'no such host'; has no address"),
         ({"tls": (Path("nowhere.pem"), HERE)}, "nowhere.pem: tls; no such file"),

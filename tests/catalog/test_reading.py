@@ -99,9 +99,9 @@ def test_every_fault_reads(name: str) -> None:
 
 
 def test_every_folder_of_the_catalog_is_read_here() -> None:
-    """Each folder of the catalog has a test above."""
+    """Each folder of the catalog has a test above; `page` holds words, which its forms test."""
     holding = {path.parent.name for path in DATA.glob("*/*.toml")}
-    assert holding == {
+    assert holding - {"page"} == {
         "bats",
         "balls",
         "bench",

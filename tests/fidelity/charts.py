@@ -13,7 +13,9 @@ __all__ = ["require_files"]
 def require_files(chart: SpeedChart, folder: Path) -> str:
     """Require one line per row in text, table and page, and a picture; return the page."""
     text, rows, name = chart.text, chart.rows, chart.name
-    assert len(text.splitlines()) == len(rows) + 1
+    lines, first = text.splitlines(), str(next(iter(rows[0].values())))
+    assert lines[-len(rows)].startswith(first)  # below a head of one or more lines
+    assert not lines[-len(rows) - 1].startswith(first)
     assert "None" not in text
     json.dumps(rows, allow_nan=False)
     chart.save(folder)

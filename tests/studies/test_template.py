@@ -243,7 +243,8 @@ def test_the_command_writes_a_form_that_lists_its_gaps(run: Run, tmp_path: Path)
     assert json.loads(run("template", "astm-f1881", "json", "--json")[1]) == {"folder": "json"}
     code, out, err = run("template", "astm-f1881", "form")
     assert (code, out) == (2, "")
-    assert "not empty" in err
+    assert "is a folder of records" in err
+    assert "allowed: a new folder" in err
     code, out, err = run("template", "astm-f1882", "other")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "did you mean astm-f1881" in err

@@ -146,8 +146,9 @@ def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.Monkey
 INTERVAL = {"value": 0.49852, "interval_95": [0.49444, 0.50260], "limit": 0.5}
 CERTIFIED = {"verdict": "FAIL", "metric": {"name": "restitution", **INTERVAL}, "reasons": ["much"]}
 SPEED = {"name": "batted_speed", "value": 44.704, "interval_95": [44.6, 44.808], "limit": None}
-COSTS = {"hits": 6, "final_hits": 10, "balls": 12, "minutes": 252.8, "exchanged": "none"}
+COSTS = {"hits": 6, "final_hits": 10, "balls": 12, "minutes": 252.8, "exchanged": "none", "reaches": "yes"}
 PLANS = [
+    COSTS | {"plan": "0", "reaches": "not decided", "compared": ""},
     {"plan": "1", "compared": "equal", "simulated_u": 0.0015, "unit": "", **COSTS},
     {"plan": "2", "compared": "cheapest", "simulated_u": 0.00148722, "unit": "", **COSTS},
 ]
@@ -159,6 +160,7 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
         (visitor.page.folder / name).mkdir()
         (visitor.page.folder / name / "certificate.json").write_text(json.dumps(certificate))
     (visitor.page.folder / "made" / "truth").mkdir()
+    (visitor.page.folder / "made" / "truth" / "truth.json").write_text("{}")
     (visitor.page.folder / "made" / "settings.toml").write_text('bat = "r161"')
     for _ in range(2):
         page = visitor.ask("/").text
@@ -191,7 +193,7 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
             "Plan 2 reaches a standard uncertainty of 0.00149: 6 hits, 10 final hits, 12 balls, "
             "253 minutes; exchanged: none",
         ),
-        ("plan", PLANS[:1], "No plan reaches this uncertainty"),
+        ("plan", PLANS[:1], "No plan is sure to reach this uncertainty"),
         (
             "track",
             {"flights": [{"flight": 1, "speed_out_m_per_s": FLOWN, "restitution": BOUNCE}, SLOWER]},
