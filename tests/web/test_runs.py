@@ -146,7 +146,14 @@ def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.Monkey
 INTERVAL = {"value": 0.49852, "interval_95": [0.49444, 0.50260], "limit": 0.5}
 CERTIFIED = {"verdict": "FAIL", "metric": {"name": "restitution", **INTERVAL}, "reasons": ["much"]}
 SPEED = {"name": "batted_speed", "value": 44.704, "interval_95": [44.6, 44.808], "limit": None}
-COSTS = {"hits": 6, "final_hits": 10, "balls": 12, "minutes": 252.8, "exchanged": "none", "reaches": "yes"}
+COSTS = {
+    "hits": 6,
+    "final_hits": 10,
+    "balls": 12,
+    "minutes": 252.8,
+    "exchanged": "none",
+    "reaches": "yes",
+}
 PLANS = [
     COSTS | {"plan": "0", "reaches": "not decided", "compared": ""},
     {"plan": "1", "compared": "equal", "simulated_u": 0.0015, "unit": "", **COSTS},
