@@ -14,15 +14,19 @@ import pytest
 import virtual_lab as vl
 from tests.laboratories import certified
 from tests.studies.twin import lines_of
+from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, Certifications, certify_session
+from virtual_lab.measurement.procedure.model import CONTROL
+from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.size import blend, resize
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.stations.rig import Reality, Stage
+from virtual_lab.simulation.physics.beam import barrel_radius, rigid_bat
+from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays
@@ -76,9 +80,11 @@ def test_an_uncertain_constant_moves_the_days_as_it_moves_the_reduction(
 def test_the_days_scatter_as_the_records_and_find_the_stated_result(certification, days) -> None:
     played = days.play(np.arange(DAYS))
     metric = played.certified.results["metric"]
-    variance = metric.scatter.variance.total[played.sound].mean()
+    variance = metric.scatter.variance.total[played.certified.sound].mean()
     hits = certification.shot_metric[certification.judgement.valid]
     assert variance == pytest.approx(hits.var(ddof=1), rel=0.15)
+    taken = [each.records["bench"] for each in (played.certified.block, certification.session)]
+    assert taken[0].keys() == taken[1].keys()
     rows, invalid = compare_quantities(certification, days, DAYS)
     assert invalid < 0.02 * DAYS
     for row in rows:
@@ -86,6 +92,32 @@ def test_the_days_scatter_as_the_records_and_find_the_stated_result(certificatio
         assert row.u_ratio == pytest.approx(1, abs=0.25), row.quantity
         assert row.finding == "right"
     assert rows[0].value == certification.metric.value
+
+
+def test_the_bat_of_the_days_is_the_measured_rigid_body(certification, days) -> None:
+    measured, bat = reduce_block(certification.block)[0].preparation.bat, days.statement.bat.spec
+    rigid = rigid_bat(bat.body)
+    assert rigid.mass == pytest.approx(measured.mass.item(), rel=1e-9)
+    assert rigid.z_cm == pytest.approx(measured.z_cm.item(), rel=1e-9)
+    assert rigid.inertia_cm == pytest.approx(measured.inertia_cm.item(), rel=1e-9)
+    radius = barrel_radius(bat.body.profile)
+    assert radius == pytest.approx(measured.barrel_radius.item(), rel=1e-9)
+
+
+def test_the_ratio_of_a_control_bat_differs_by_its_u(tmp_path: Path) -> None:
+    """The standard deviation of 400 days has a standard error of 3.5 %."""
+    rules = tmp_path / "rules.toml"
+    text = catalog.text("procedures", "bbcor")
+    rules.write_text(text.replace('method = "trampoline"', 'method = "control-bat"'))
+    tested = vl.certify("r161", procedure=rules, control_bat="check-cylinder", seed=7)
+    days = TwinDays.fit(Statement.of(tested.certification), seed=1, days=64)
+    stated = tested.certification.session.calibration[CONTROL]
+    ratio = days.play(np.arange(DAYS)).laboratory.calibration[CONTROL].value
+    assert ratio.mean() == pytest.approx(stated.value, abs=4 * stated.u / np.sqrt(DAYS))
+    assert ratio.std(ddof=1) == pytest.approx(stated.u, rel=0.12)
+    (metric, *_), _ = compare_quantities(tested.certification, days, DAYS)
+    assert abs(metric.mean_z) < 0.3
+    assert metric.u_ratio == pytest.approx(1, abs=0.25)
 
 
 def test_a_u_that_is_too_small_is_found(certification, days) -> None:
@@ -206,6 +238,12 @@ def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
         (metric, *_), _ = compare_quantities(certification, changed, DAYS)
         planned = np.sqrt(stated.u**2 - variance) * stated.error_sd / stated.u
         assert metric.error_sd == pytest.approx(planned, rel=0.1), words
+    halved = replace(days, statement=of_kinds["half the u"].apply(days.statement))
+    sheets = [each.play(0).laboratory.calibration for each in (halved, days)]
+    assert changes[1].words == "half the u of slow-cannon"
+    assert sheets[0]["impact.cannon.along"].u == pytest.approx(
+        sheets[1]["impact.cannon.along"].u / 2
+    )
     best = improvements(certification, days, lambda _: (0.1, 0.05, 0.2))
     assert [row.change for row in best] == [each.words for each in changes[:3]]
     assert best[0].gain == pytest.approx(1 - best[0].planned_u / stated.u)
@@ -245,12 +283,13 @@ def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
 
     answers = iter([own])
 
-    def read(day: int | Certifications) -> dict[str, float]:
-        return readings_of_day(day) if isinstance(day, int) else next(answers)
+    def read(day: SimpleNamespace | Certifications) -> dict[str, float]:
+        return readings_of_day(day.day) if isinstance(day, SimpleNamespace) else next(answers)
 
     def play(self: TwinDays, day: int, detail: RecordDetail) -> Any:
         played.append(day - readings.FIRST)
-        return SimpleNamespace(sound=np.array([day % 50 != 0]), certified=played[-1])
+        certified = SimpleNamespace(sound=np.array([day % 50 != 0]), day=played[-1])
+        return SimpleNamespace(certified=certified)
 
     monkeypatch.setattr(readings, "readings_of", read)
     monkeypatch.setattr(TwinDays, "play", play)
@@ -296,10 +335,10 @@ def test_a_fault_of_half_the_size_moves_half_as_far(days) -> None:
     """The moved gate and the damped readings of another unit, changed by hand."""
     moved = {size: replace(days, faults=sized_set("gate-moved", size)) for size in (0.0, 0.5, 1.0)}
     at = [
-        each._laboratory(0, RecordDetail.FULL).stations[Stage.IMPACT].gates.true["distance_1"]
+        each.play(0, RecordDetail.FULL).laboratory.impact.gates.true["distance_1"]
         for each in moved.values()
     ]
-    assert abs(at[2] - at[0]) > 1e-3
+    assert at[2] - at[0] == pytest.approx(1e-3)
     assert at[1] - at[0] == pytest.approx((at[2] - at[0]) / 2)
     before = {"a": np.array([1.0, np.nan, 3.0]), "b": 7, "c": 1.0}
     after = {"a": np.array([2.0, 5.0, np.nan]), "b": 9, "c": 3.0}
@@ -311,7 +350,7 @@ def test_a_fault_of_half_the_size_moves_half_as_far(days) -> None:
 
 
 def test_all_stages_of_a_day_have_one_air_and_one_gravity(days) -> None:
-    stations = days._laboratory(np.arange(2), RecordDetail.SUMMED).stations.values()
+    stations = days.play(np.arange(2)).laboratory.stations.values()
     for part, constant in (("air", "drag_coefficient"), ("hall", "gravity")):
         values = [getattr(each, part).true[constant] for each in stations]
         assert len(values) == 3

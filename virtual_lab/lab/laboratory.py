@@ -7,7 +7,7 @@ import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import cast
+from typing import Self, cast
 
 import numpy as np
 
@@ -71,7 +71,7 @@ class Laboratory:
     control_ratio: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 
     @classmethod
-    def open(cls, setup: TestSetup) -> Laboratory:
+    def open(cls, setup: TestSetup) -> Self:
         """Install the rigs, and draw bat and balls. Without a seed a random one is used.
 
         Raises

@@ -75,17 +75,6 @@ class CalibratedSpec(Spec):
                 changes[name] = (0.0,) * len(value) if is_tuple else type(value)()
         return cast("Self", replace(cast("Any", self), **changes))
 
-    def restate(self, records: Sequence[Record], constants: Mapping[str, float]) -> Self:
-        """Return the data sheet with `constants`, and with numbers from raw `records` [SI].
-
-        Names of `constants` that are not on the sheet are ignored.
-        """
-        names = {part.name for part in fields(cast("Any", self))}
-        values: dict[str, object] = {key: each for key, each in constants.items() if key in names}
-        for name, each in self.numbers_in(records, constants).items():
-            values[name] = each.value if isinstance(each, StandardDeviation) else each
-        return cast("Self", replace(cast("Any", self), **values))
-
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
@@ -204,19 +193,6 @@ class CalibratedInstrument(Generic[S]):
     def commission(cls, spec: S, draws: Draws, name: str) -> Self:
         """Return an instrument of a data sheet, with constants drawn under `name`."""
         return cls(spec, *draw_constants(_certificate_of(spec), draws, name))
-
-    def restate(
-        self, records: Sequence[Record], constants: Mapping[str, Estimate], draws: Draws, name: str
-    ) -> Self:
-        """Return an instrument of this kind that fits its raw records and `constants`.
-
-        The true constants are drawn about `constants`. `name` selects the random numbers.
-        """
-        values = {key: each.value for key, each in constants.items()}
-        fresh = self.commission(self.spec.restate(records, values), draws, name)
-        sheet = {key: each for key, each in constants.items() if key in fresh.true}
-        stated, true = draw_constants(sheet, draws, name)
-        return replace(fresh, stated=stated, true={**fresh.true, **true})
 
     @property
     def laboratories(self) -> tuple[int, ...]:

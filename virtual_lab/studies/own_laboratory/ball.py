@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from math import sqrt
 from typing import Any
@@ -20,7 +20,12 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
-from virtual_lab.studies.own_laboratory.rig_sheets import SheetNumbers, enter_numbers, write_numbers
+from virtual_lab.studies.own_laboratory.rig_sheets import (
+    Document,
+    SheetNumbers,
+    enter_numbers,
+    write_numbers,
+)
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import Array
 
@@ -42,15 +47,13 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
     last = tests[-1]
     rules = catalog.read(last.session.procedure_text, last.procedure.name, Procedure)
     ball, bat = rules.spec.ball, _bat(last.session)
-    document = deepcopy(parse_toml(*catalog.source("balls", ball)))
-    numbers = enter_numbers(document, _ball_numbers(tests))
-    document = write_numbers(document, numbers, "trial")
+    document, numbers = stated_ball(tests)
     if not RoundRobin.of(bat, rules).in_blocks:
         return ball, numbers, []
-    days = [_scatter_of_hits(test) for test in tests]
+    days = [scatter_of_hits(test) for test in tests]
     places = {place: [day[place] for day in days if place in day] for place in PLACES}
     wanted = {place: StandardDeviation.pool(each) for place, each in places.items() if each}
-    scatters = hit_scatters(document, wanted, bat, rules, SEED)
+    scatters = adapted_scatters(document, wanted, bat, rules, SEED)
     shown = {
         f"spread.{PLACES[place]}": (each, f"{STAGES[place]}/gates")
         for place, each in scatters.items()
@@ -70,6 +73,16 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
     return ball, numbers, remarks
 
 
+def stated_ball(tests: Sequence[Certification]) -> tuple[Document, SheetNumbers]:
+    """Return the sheet of the ball of tests by one procedure, and their statements about it.
+
+    The scatter of e0 between hits stays as in the catalog.
+    """
+    document = deepcopy(parse_toml(*catalog.source("balls", tests[-1].procedure.ball)))
+    numbers = enter_numbers(document, _ball_numbers(tests))
+    return write_numbers(document, numbers, "trial"), numbers
+
+
 def _bat(session: Session) -> str:
     """Return the tested bat if it is in the catalog, or else a bat of its sport."""
     if session.bat in catalog.names("bats"):
@@ -77,7 +90,7 @@ def _bat(session: Session) -> str:
     return "softball-34" if "softball" in (session.bat_sport, session.ball_sport) else "r161"
 
 
-def _scatter_of_hits(test: Certification) -> dict[str, StandardDeviation]:
+def scatter_of_hits(test: Certification) -> dict[str, StandardDeviation]:
     """Return the standard deviation of a hit, of e0 at the wall and of the metric at the bat [SI].
 
     A place where the hits are not repeated, or are all equal, is left out.
@@ -125,12 +138,25 @@ def _pool_lots(lots: Sequence[Array], known: float = 0.0) -> StandardDeviation:
     return StandardDeviation.pool(spreads, known)
 
 
-def hit_scatters(
+def adapted_scatters(
     ball: Mapping[str, Any],
     wanted: Mapping[str, StandardDeviation],
     bat: str,
     rules: Entry[Procedure],
     seed: int,
+) -> dict[str, StandardDeviation]:
+    """Return `hit_scatters` of simulated tests of a catalog bat.
+
+    `ball` is the content of the sheet of the procedure's ball, and `seed` that of the tests.
+    """
+    return hit_scatters(
+        wanted, lambda each: sample_of_tests(with_scatter(ball, each), bat, rules, seed)
+    )
+
+
+def hit_scatters(
+    wanted: Mapping[str, StandardDeviation],
+    simulate: Callable[[Mapping[str, float]], SampledTests],
 ) -> dict[str, StandardDeviation]:
     """Return the scatter of e0 between hits with which simulated hits scatter as `wanted`.
 
@@ -140,17 +166,12 @@ def hit_scatters(
 
     Parameters
     ----------
-    ball
-        Content of the sheet of the procedure's ball.
     wanted
         Standard deviation of a hit: of e0 at the ``wall``, and of the metric at the ``bat`` [SI].
-    bat, rules, seed
-        Bat and procedure of the simulated tests, and their seed.
+    simulate
+        Function that returns simulated tests with a scatter of e0, by place of the hits.
     """
-    without, with_it = (
-        _variances(sample_of_tests(with_scatter(ball, each), bat, rules, seed))
-        for each in ({"wall": 0.0, "bat": 0.0}, {"wall": TRIAL, "bat": TRIAL})
-    )
+    without, with_it = (_variances(simulate({"wall": each, "bat": each})) for each in (0.0, TRIAL))
     scatters = {}
     for place, (value, dof) in wanted.items():
         share = max(value**2 - without[place], 0.0)

@@ -27,11 +27,13 @@ from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.studies.foreign import certify_records, replaced_rigs, with_installed_rigs
 from virtual_lab.studies.own_laboratory.ball import ball_of_tests
 from virtual_lab.studies.own_laboratory.rig_sheets import (
+    Document,
     RigSheets,
     SheetNumbers,
     StatedNumber,
     Statements,
     numbers_of,
+    stated_rigs,
     write_numbers,
 )
 from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
@@ -158,11 +160,8 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
         remarks |= dict.fromkeys(replaced_rigs(theirs, session))
         scatter = scatter_of_shots(reduce_block(certification.block)[0])
         particulars = session.particulars
-        for stage in Stage:
-            sheets = RigSheets(session.rigs[stage.value], stage)
-            sheets.state(session.calibration)
-            sheets.enter(session.records[stage.value], session.calibration, scatter[stage])
-            read.setdefault((stage, sheets.rig), []).append(sheets)
+        for sheets in stated_rigs(session, scatter):
+            read.setdefault((sheets.stage, sheets.rig), []).append(sheets)
     names = ", ".join(dict.fromkeys(path.resolve().name for path in paths))
     pooled = {rig: _pool_days(each) for (_, rig), each in read.items()}
     found, texts, kept = list[OwnNumber](), dict[Key, str](), 0
@@ -173,11 +172,9 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
         usual = {path: table[last] for path, table, last in numbers_of(document)}
         found.extend(OwnNumber.of(key, path, numbers[path], usual) for path in sorted(numbers))
         kept += len(usual.keys() - numbers.keys())
-        document = deepcopy({**document, **parts})
-        document.pop("identity", None)  # identities are among the particulars
-        texts[key] = toml_text(write_numbers(document, numbers, SOURCE.format(names)))
+        texts[key] = sheet_text(document, numbers, parts, SOURCE.format(names))
 
-    for key, base, numbers, parts in sorted(_sheets(pooled), key=itemgetter(0)):
+    for key, base, numbers, parts in sorted(restated_sheets(pooled), key=itemgetter(0)):
         add(key, base, numbers, parts)
     by_rules = groupby(sorted(tests, key=_rules), key=_rules)
     for days in (list(group) for _, group in by_rules):
@@ -199,6 +196,15 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
     )
 
 
+def sheet_text(
+    document: Document, numbers: SheetNumbers, parts: Mapping[str, str], source: str
+) -> str:
+    """Return the text of a sheet with other numbers and renamed parts."""
+    document = deepcopy({**document, **parts})
+    document.pop("identity", None)  # identities are among the particulars
+    return toml_text(write_numbers(document, numbers, source))
+
+
 def _rules(test: Certification) -> str:
     return test.session.procedure_text
 
@@ -218,7 +224,7 @@ def _pool_days(days: Sequence[RigSheets]) -> Statements:
     return pooled
 
 
-def _sheets(
+def restated_sheets(
     rigs: Mapping[str, Statements],
 ) -> Iterator[tuple[Key, Key, SheetNumbers, dict[str, str]]]:
     """Yield key, key in the catalog, statements and renamed parts of each sheet.

@@ -22,6 +22,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml
 from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.records import Record
+from virtual_lab.records.session import Session
 from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments import FittedStation
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
@@ -260,6 +261,22 @@ def responses_of(
                 ]
                 del table[dof]
     return responses
+
+
+def stated_rigs(
+    session: Session, scatter: Mapping[Stage, Mapping[str, StandardDeviation]]
+) -> list[RigSheets]:
+    """Return the sheets of a session's rigs, one per stage, with its statements entered.
+
+    `scatter` is that of the shots, see `scatter_of_shots`.
+    """
+    rigs = []
+    for stage in Stage:
+        sheets = RigSheets(session.rigs[stage.value], stage)
+        sheets.state(session.calibration)
+        sheets.enter(session.records[stage.value], session.calibration, scatter[stage])
+        rigs.append(sheets)
+    return rigs
 
 
 def _agrees(now: Estimate, wanted: Estimate) -> bool:

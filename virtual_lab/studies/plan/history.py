@@ -22,7 +22,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.record import require_numbers
 from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
-from virtual_lab.studies.own_laboratory.ball import PLACES, hit_scatters, with_scatter
+from virtual_lab.studies.own_laboratory.ball import PLACES, adapted_scatters, with_scatter
 from virtual_lab.uncertainty.scatter import bartlett_p
 from virtual_lab.units import Array
 
@@ -126,6 +126,6 @@ def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict
     document["spread"].pop(PLACES["bat"], None)  # one scatter of all hits
     pooled = StandardDeviation(sqrt(history.pooled), float(history.dof.sum()))
     place = "wall" if history.at_wall else "bat"
-    (scatter,) = hit_scatters(document, {place: pooled}, bat, rules, seed).values()
+    (scatter,) = adapted_scatters(document, {place: pooled}, bat, rules, seed).values()
     adapted = with_scatter(document, {"wall": scatter.value}, "history")
     return {("balls", rules.spec.ball): toml_text(adapted)}

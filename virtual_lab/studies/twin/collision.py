@@ -1,10 +1,10 @@
-"""The bat of a twin: a rigid body and a curve of e_A, both as a laboratory measured them."""
+"""The collision of a twin: the curve of e_A and the recoil that a laboratory measured."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -16,25 +16,11 @@ from virtual_lab.simulation.collision.ladder import StruckBat
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
 from virtual_lab.simulation.physics.beam import Pinned, RigidBat, Support
 from virtual_lab.simulation.physics.cubics import monotone_cubic
-from virtual_lab.simulation.physics.truth import TrueBat, TrueOutcome, TrueRecoil
-from virtual_lab.simulation.stations.impact import CONTACT_TIME, scenes_of
-from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
+from virtual_lab.simulation.stations.impact import CONTACT_TIME
 from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.simulation.physics.modes import Modes
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatedBat(TrueBat):
-    """A bat with the mass, balance and inertia that a laboratory measured."""
-
-    measured: RigidBat[float]
-
-    @property
-    def rigid(self) -> RigidBat[Any]:
-        """The measured rigid body."""
-        return self.measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,21 +92,21 @@ class StatedCollision:
     ball_restitution: tuple[float, float]
     motion: StatedMotion = RIGID
 
-    def recoil_factor(self, place: Array, ball_mass: Array | float, *, free: bool) -> Array:
-        """Return r of the measured bat, free or on its pivot, in the shape of `place` [m]."""
+    def recoil_factor(self, place: Array, ball_mass: Array | float) -> Array:
+        """Return r of the measured bat, in the shape of `place` [m]."""
         yields = (self.axis - place) ** 2 / self.bat.inertia(self.axis)
-        if free:
+        if self.free:
             yields = 1 / self.bat.mass + (place - self.bat.z_cm) ** 2 / self.bat.inertia_cm
         return np.asarray(ball_mass * yields)
 
     def efficiency(self, scenes: Scenes) -> Array:
         """Return e_A of the scenes, (n,)."""
         place = scenes.impact_position
-        r = self.recoil_factor(place, self.ball_mass, free=self.free)
+        r = self.recoil_factor(place, self.ball_mass)
         e = self.curve(place) * (1 + r) + r
         at_tip, slope = self.ball_restitution
         e = e * scenes.ball_restitution / (at_tip + slope * place)
-        r = self.recoil_factor(place, scenes.ball_mass, free=self.free)
+        r = self.recoil_factor(place, scenes.ball_mass)
         return np.asarray((e - r) / (1 + r))
 
     def efficiencies(
@@ -135,26 +121,6 @@ class StatedCollision:
         """Return the collision model of the bat on a pivot."""
         assert isinstance(support, Pinned)
         return StatedModel(law=self, axis=support.z)
-
-    def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
-        """Return the result of an error-free test of the stated bat with the lot's mean ball."""
-        speed = plan.speed + plan.turn_rate * (self.axis - plan.place)
-        ball = specimen.balls.mean_ball().of_shots(plan.owner, np.zeros(plan.place.shape, int))
-        e0 = ball.restitution_at(..., speed)
-        scenes = scenes_of(replace(specimen, balls=ball), ..., plan.place, speed, e0)
-        e_A = self.efficiency(scenes)
-
-        def recoil(free: bool) -> TrueRecoil:
-            r = self.recoil_factor(plan.place, scenes.ball_mass, free=free)
-            return TrueRecoil(restitution=e_A * (1 + r) + r, recoil_factor=r)
-
-        return TrueOutcome(
-            relative_speed=scenes.relative_speed,
-            collision_efficiency=e_A,
-            ball_restitution=e0,
-            free=recoil(True),
-            pivoted=recoil(False),
-        )
 
     def report(self) -> ModelUsed:
         """Return the name of this model and why it is used."""

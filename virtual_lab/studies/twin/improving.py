@@ -11,8 +11,6 @@ from dataclasses import dataclass, replace
 from math import sqrt
 from typing import NamedTuple
 
-import numpy as np
-
 from virtual_lab import catalog
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.procedure import Procedure
@@ -162,12 +160,7 @@ def _with_double_hits(statement: Statement) -> Statement:
 
 def _with_double_balls(statement: Statement) -> Statement:
     spec = replace(statement.rules.spec, balls=2 * statement.rules.spec.balls)
-    return replace(
-        statement,
-        ball_mass=np.tile(statement.ball_mass, 2),
-        ball_restitution=np.tile(statement.ball_restitution, 2),
-        rules=replace(statement.rules, spec=spec),
-    )
+    return replace(statement, rules=replace(statement.rules, spec=spec))
 
 
 def _with_double_wall_hits(statement: Statement) -> Statement:

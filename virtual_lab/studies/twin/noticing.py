@@ -33,8 +33,8 @@ from virtual_lab.units import Array
 SIZES = (0.25, 0.5, 1.0, 2.0)  # sizes of a fault [its size in the catalog]
 DAYS = 10  # number of days per fault and size
 FIRST = 2**21  # number of the first of these days
-# faults that a twin cannot simulate: its balls have no law of humidity, and its bat no stiffness
-NOT_PLAYED = {"balls-not-conditioned", "bat-cracked"}
+# faults that a twin cannot simulate: its e_A does not follow from a stiffness of the bat
+NOT_PLAYED = {"bat-cracked"}
 NOTICED = 0.9  # share of the days on which a fault is noticed, for "from which size on"
 
 

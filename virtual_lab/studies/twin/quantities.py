@@ -89,7 +89,7 @@ def compare_quantities(
     errors: dict[str, list[Array]] = {name: [] for name in stated}
     played = 0
     for block in playing.blocks(days, first=SIDE_BY_SIDE):  # after the days that give the scatter
-        sound = block.sound
+        sound = block.certified.sound
         for name, parts in errors.items():
             error = block.certified.results[name].value - block.measurands[name]
             parts.append(error[sound])

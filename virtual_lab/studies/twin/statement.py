@@ -1,59 +1,92 @@
-"""Bat, balls and scatter as the records of a laboratory state them: measured values alone."""
+"""Instruments, bat, balls and scatter as the records of a laboratory state them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
-from virtual_lab.catalog.specs import BallSpec, BallSpread, RestitutionLine, Sport
+from virtual_lab.catalog.reading import Key
+from virtual_lab.catalog.specs import (
+    BallSpec,
+    BatBody,
+    BatSpec,
+    BatSport,
+    BatSpread,
+    Lump,
+    Material,
+    Profile,
+)
 from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.outcome import curve_of
-from virtual_lab.measurement.reduction.air import DENSITY, climate_readings
 from virtual_lab.measurement.session_reduction import Preparation, Reduction, reduce_block
 from virtual_lab.records import EncoderRecord
 from virtual_lab.records.kinds import PassageRecord, RateRecord
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.physics.beam import RigidBat
-from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.sheets import toml_text
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.simulation.physics.beam import RigidBat, rigid_bat
+from virtual_lab.simulation.stations.rig import Stage, find_rig, knows_blocks
 from virtual_lab.studies.foreign import with_installed_rigs
+from virtual_lab.studies.own_laboratory.ball import scatter_of_hits, stated_ball
+from virtual_lab.studies.own_laboratory.own_laboratory import restated_sheets, sheet_text
+from virtual_lab.studies.own_laboratory.rig_sheets import Document, stated_rigs
 from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
 from virtual_lab.studies.twin.collision import RIGID, StatedCollision, StatedCurve, StatedMotion
-from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 SAME_PLACE = 1e-6  # resolution of an impact position [m]
-FLOOR = 0.05  # smallest e0 of a ball
+SOURCE = "stated in the records"
+# material of a cylinder that weighs next to nothing; its lump has the mass of the bat
+MATERIAL = Material(density=1e-3, youngs_modulus=1e10, shear_modulus=1e9, shear_coefficient=0.9)
+NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Statement:
     """A laboratory as its records state it. Nothing here depends on true values."""
 
     session: Session
     rules: Entry[Procedure]  # with the numbers of balls and wall hits of the records
-    barrel_radius: float  # [m]
-    ball: BallSpec  # the measured lot; its radius and the slope of its e0 have their u
-    ball_mass: Array  # [kg], (ball,)
-    ball_restitution: Array  # e0 at the reference speed, (ball,)
+    bat: Entry[BatSpec]  # a bat of the measured mass, balance, inertia and barrel
+    ball: Document  # content of the sheet of the measured lot
     law: StatedCollision
-    hit_variance: float  # variance of the metric of a hit at its impact position [SI]
-    wall_variance: float  # variance of the e0 of one hit at the wall
-    density: float | None  # density of the air from the climate, None: not read [kg/m³]
-    # scatter of the ball's speed [m/s] and, relative, of a swung bat's angular rate, by stage
-    scatter: Mapping[Stage, Mapping[str, float]]
+    # standard deviation of a hit: of e0 at the wall, and of the metric at the bat [SI]
+    hit_scatters: Mapping[str, StandardDeviation]
+    shot_scatters: Mapping[Stage, Mapping[str, StandardDeviation]]  # of speeds, by stage
 
-    @property
-    def constants(self) -> Mapping[str, Estimate]:
-        """The stated constants; the density of the air is exact if the climate was read."""
-        air = {} if self.density is None else {DENSITY: Estimate(value=self.density)}
-        return {**self.session.calibration, **air}
+    @cached_property
+    def sheets(self) -> Mapping[Key, str]:
+        """The texts of the sheets of rigs and instruments.
+
+        Raises `InputError` if a rig is not installed here, if it cannot be simulated in blocks, or
+        if it lacks a channel of the records.
+        """
+        session = self.session
+        if lacking := [stage.value for stage in Stage if stage.value not in session.rigs]:
+            raise InputError("session.json", "rigs", None, f"missing: {', '.join(lacking)}")
+        for stage in Stage:
+            name = session.rigs[stage.value]
+            rig = find_rig(name, stage)
+            if not knows_blocks(rig):
+                allowed = "has no twin: it is simulated in one laboratory at a time"
+                raise InputError("", f"{stage.value} rig", name, allowed)
+            if foreign := ", ".join(session.records[stage.value].keys() - rig.channels.keys()):
+                allowed = f"has no twin: {name} records {', '.join(rig.channels)}"
+                raise InputError("", f"{stage.value} records", foreign, allowed)
+        rigs = {each.rig: each.statements for each in stated_rigs(session, self.shot_scatters)}
+        return {
+            key: sheet_text(parse_toml(*catalog.source(*base)), numbers, parts, SOURCE)
+            for key, base, numbers, parts in restated_sheets(rigs)
+        }
 
     @property
     def replayed(self) -> bool:
@@ -70,35 +103,26 @@ class Statement:
         InputError
             A test without a result, hits or wall hits that are all equal, or a single hit.
         """
-        block = certification.block
         if certification.metric is None:
             reason = "; ".join(certification.reasons)
             raise InputError("", "folder", None, f"needs a test with a result: {reason}")
-        reduced, _ = reduce_block(block)
-        preparation, climate = reduced.preparation, climate_readings(block)
-        budget = certification.first_order
-        hit_variance = float(budget.scatter.variance.total[0]) if budget and budget.scatter else 0.0
-        wall_variance = _wall_variance(preparation)
-        for key, value in (("hits", hit_variance), ("wall hits", wall_variance)):
-            if not value > 0:
+        hit_scatters = scatter_of_hits(certification)
+        for key, place in (("hits", "bat"), ("wall hits", "wall")):
+            if place not in hit_scatters:
                 allowed = "all equal or not repeated, so that they show no scatter; needs repeats"
                 raise InputError("", key, None, allowed)
-        ball = _ball(preparation, certification.session)
+        reduced, _ = reduce_block(certification.block)
+        ball, _ = stated_ball([certification])
+        law = _law(reduced, certification, ball)
+        session = with_installed_rigs(certification.session, certification.procedure.rig)
         return cls(
-            session=with_installed_rigs(certification.session, certification.procedure.rig),
-            rules=_rules(preparation, certification.session),
-            barrel_radius=float(preparation.bat.barrel_radius.ravel()[0]),
+            session=session,
+            rules=_rules(reduced.preparation, session),
+            bat=_bat(reduced.preparation, session, law),
             ball=ball,
-            ball_mass=preparation.lot.mass[0, 0],
-            ball_restitution=preparation.lot.best_restitution[0, 0],
-            law=_law(reduced, certification, ball),
-            hit_variance=hit_variance,
-            wall_variance=wall_variance,
-            density=float(reduced.constants[DENSITY].value[0]) if climate is not None else None,
-            scatter={
-                stage: {name: each.value for name, each in spreads.items()}
-                for stage, spreads in scatter_of_shots(reduced).items()
-            },
+            law=law,
+            hit_scatters=hit_scatters,
+            shot_scatters=scatter_of_shots(reduced),
         )
 
 
@@ -110,44 +134,30 @@ def _rules(preparation: Preparation, session: Session) -> Entry[Procedure]:
     return replace(rules, spec=replace(rules.spec, balls=balls, wall_hits=max(round(hits), 1)))
 
 
-def _wall_variance(preparation: Preparation) -> float:
-    """Return the variance of the e0 of one hit at the wall, pooled over the balls."""
-    hits = int((preparation.balls.ball[0, 0] == 0).sum())
-    return float(preparation.constants["balls.restitution_0"].u[0]) ** 2 * hits
-
-
-def _ball(preparation: Preparation, session: Session) -> BallSpec:
-    """Return the sheet of the measured lot; stiffness and force law are those of the catalog."""
-    lot, constants = preparation.lot, preparation.constants
-    radius = constants["ball.radius"].row(0)
-    slope, slope_u = float(lot.slope.ravel()[0]), 0.0  # measured at several speeds
-    if "balls.slope_repeatability" not in constants:
-        slope, slope_u = (
-            float(getattr(constants["ball.restitution_slope"], part)[0]) for part in ("value", "u")
-        )
-    template = catalog.load("balls", preparation.procedure.spec.ball, BallSpec).spec
-    line = RestitutionLine(
-        speed=float(lot.speed.ravel()[0]),
-        value=float(lot.restitution[0, 0].mean()),
-        slope=slope,
-        slope_u=slope_u,
-        floor=FLOOR,
+def _bat(preparation: Preparation, session: Session, law: StatedCollision) -> Entry[BatSpec]:
+    """Return a cylinder of the measured barrel, with a lump for the measured rigid body."""
+    wanted, length = law.bat, law.bat.length
+    diameter = 2 * float(preparation.bat.barrel_radius.ravel()[0])
+    profile = Profile(z=(0.0, length / 2, length), outer_diameter=(diameter,) * 3)
+    body = BatBody(profile=profile, material=MATERIAL, damping_ratio=law.motion.damping_ratio)
+    bare = rigid_bat(body)
+    mass = wanted.mass - bare.mass
+    z = (wanted.first_moment - bare.first_moment) / mass
+    inertia = wanted.second_moment - bare.second_moment - mass * z**2
+    lump = Lump(name="bat", z=z, mass=mass, inertia=inertia)
+    spec = BatSpec(
+        name=session.bat,
+        title=session.bat,
+        body=replace(body, lumps=(lump,)),
+        spread=NO_SPREAD,
+        sport=cast("BatSport | None", session.bat_sport or None),
     )
-    return replace(
-        template,
-        radius=radius.value,
-        radius_u=radius.u,
-        stiffness_spread=0.0,
-        restitution=line,
-        spread=BallSpread(mass=0.0, restitution=0.0, hit_restitution=0.0),
-        sport=cast("Sport | None", session.ball_sport or None),
-        ageing=None,
-        humidity=None,
-    )
+    return Entry(spec=spec, text="", sheet=())
 
 
-def _law(reduced: Reduction, certification: Certification, ball: BallSpec) -> StatedCollision:
-    rules, preparation, line = reduced.procedure, reduced.preparation, ball.restitution
+def _law(reduced: Reduction, certification: Certification, ball: Document) -> StatedCollision:
+    rules, preparation = reduced.procedure, reduced.preparation
+    line = catalog.read(toml_text(ball), rules.ball, BallSpec).spec.restitution
     mass, z_cm, inertia, length = (
         float(getattr(preparation.bat, name).ravel()[0])
         for name in ("mass", "z_cm", "inertia_cm", "length")

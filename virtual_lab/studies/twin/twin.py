@@ -253,7 +253,7 @@ def twin(
         remark="\n".join(
             [
                 *replaced_rigs(certification.session, statement.session),
-                *([] if playing.hit_scatter else [QUIET]),
+                *([] if playing.scatters["bat"] else [QUIET]),
             ]
         ),
     )
