@@ -47,7 +47,7 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_js_files = ["site.js"]
 html_title = f"Virtual lab {VERSION}"
-html_logo = html_favicon = str(HERE.parent / "bench" / "pages" / "templates" / "icon.svg")
+html_logo = html_favicon = str(HERE.parent / "web" / "templates" / "icon.svg")
 html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {

@@ -17,7 +17,7 @@ import virtual_lab as vl
 
 study = {"bats": ["r161"], "procedures": ["bbcor"], "laboratories": 2000, "seed": 1}
 vl.campaign(study, folder := mkdtemp() + "/tests")
-query = f"select (value - \"true\") / u as z from '{folder}/parts/*.parquet'"
+query = f"select (value - true_value) / u as z from '{folder}/parts/*.parquet'"
 z = duckdb.sql(query).fetchnumpy()["z"]
 figure, axes = plt.subplots(subplot_kw={"xlabel": "error / u", "ylabel": "probability density"})
 axes.hist(z, np.arange(-4, 4.1, 0.5), density=True, color="0.75", edgecolor="white")
