@@ -41,9 +41,8 @@ function offer(control, path, title) {
   control.dispatchEvent(new Event("change"));
 }
 async function upload(input, place) {
-  const [bar, words] = [one("progress", place), one("output", place)];
+  let [bar, words, stored] = [one("progress", place), one("output", place)];
   bar.hidden = false;
-  let stored;
   try {
     for (const file of input.files) {
       words.textContent = `sending ${file.name}`;
