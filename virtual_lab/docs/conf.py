@@ -69,7 +69,6 @@ nb_execution_timeout = 280  # s
 nb_output_stderr = "remove"  # lines of progress
 
 autodoc_typehints = "none"  # the Parameters sections have the types
-python_maximum_signature_line_length = 80  # else one parameter per line
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 

@@ -10,6 +10,7 @@ from sphinx.application import Sphinx
 
 from virtual_lab.api.describing import TYPES
 
+LONGEST = 70  # longest signature that is shown in full [characters]
 NAMES = {name: kind for module in TYPES for name, kind in vars(import_module(module)).items()}
 
 
@@ -55,10 +56,22 @@ def _add_kinds(
             lines[number] = f"{line} : {'; '.join(kinds)}"
 
 
+def _shorten(
+    _app: Sphinx, what: str, _name: str, thing: Any, _options: object, signature: str, _: str
+) -> tuple[str, str] | None:
+    """Return a long signature without its keywords, which the list of parameters has."""
+    if what not in ("function", "method") or len(signature or "") <= LONGEST:
+        return None
+    parameters = inspect.signature(thing).parameters.values()
+    names = [each.name for each in parameters if each.kind is each.POSITIONAL_OR_KEYWORD]
+    return f"({', '.join([*names, '…'])})", ""
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Let Sphinx add types to parameters, before numpydoc reads the docstring.
 
     The result states that Sphinx may process pages in parallel.
     """
     app.connect("autodoc-process-docstring", _add_kinds, priority=400)
+    app.connect("autodoc-process-signature", _shorten)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
