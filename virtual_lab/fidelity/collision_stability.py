@@ -254,7 +254,7 @@ def _cell(
     state = State.GOOD if good.all() else State.INACCURATE if unnoticed.any() else State.NOTICED
     return {
         "state": (state if stable.all() else State.UNSTABLE).value,
-        "refused": bool((outcome.failed & ~shipped).any()),
+        "refused": bool((outcome.failed & (not shipped)).any()),
         "scenes": len(error),
         "off": int((~good).sum()),
         "doubted": int(outcome.doubted.sum()),

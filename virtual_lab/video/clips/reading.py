@@ -7,8 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
-from itertools import chain
-from os.path import commonprefix
+from itertools import chain, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -73,7 +72,8 @@ def _image_files(folder: Path) -> list[Path]:
     entries = (each for each in folder.iterdir() if not is_litter(each.name))
     images = [each for each in entries if each.suffix.lower() in IMAGES]
     names = [each.name.lower() for each in images]
-    start = commonprefix(names)  # noqa: RUF071  # common characters, not folders
+    pairs = zip(min(names, default=""), max(names, default=""), strict=False)
+    start = "".join(first for first, last in takewhile(lambda pair: pair[0] == pair[1], pairs))
     signs = r"(?<![^\W_])"
     if any(re.match(r"\+?\d", name[len(start) :]) for name in names):
         signs = f"(?:{signs}|(?<=^{re.escape(start)}))"
