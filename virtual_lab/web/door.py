@@ -70,9 +70,8 @@ class Door:
         self.inside, self.hosts, self.secure, self.starts = inside, hosts, secure, starts
         self.codes = dict(seats)
         self.seats: dict[str, Seat] = {}  # seats by cookie
-        self.cookie = (
-            "bench-" + min(hosts).rpartition(":")[2]
-        )  # browsers share cookies between ports
+        # browsers share cookies between ports
+        self.cookie = "seat-" + min(hosts).rpartition(":")[2]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
