@@ -231,7 +231,7 @@ def test_each_option_of_coverage_reaches_the_study(monkeypatch: pytest.MonkeyPat
         raise Reached(given=arguments)
 
     monkeypatch.setattr(coverage_study, "each_laboratory", study)
-    assert options_of("coverage") == COVERAGE.keys() | {"laboratory"}  # which replaces sheets
+    assert options_of("coverage") == COVERAGE.keys() | {"laboratory"}  # a folder of sheets
     plain = reached("coverage", "r161")
     for option, (words, without, expected, effect) in COVERAGE.items():
         assert effect(plain) == without, option

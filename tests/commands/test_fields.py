@@ -1,4 +1,4 @@
-"""What a form shows of a parameter: kind, title of a choice, unit, limits, content of folders."""
+"""Descriptions of parameters for a form: kind, titles of choices, unit, limits, folders."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_value_beyond_its_limit_is_refused_before_anything_runs(
 
 @pytest.fixture
 def folders(tmp_path: Path) -> dict[str, Path]:
-    """Return one folder of each kind, by the file that tells its kind."""
+    """Return one folder of each kind, with the file that identifies it."""
     marks = {"result": "certificate.json", "campaign": "campaign.json", "day": "day.sqlite"}
     marks["laboratory"] = "laboratory.csv"
     every = {kind: tmp_path / kind for kind in (*marks, "records", "other", "empty")}

@@ -42,7 +42,7 @@ def test_plans_reach_the_target_for_the_fewest_minutes(plans):
         assert row.reaches == ("not decided" if abs(away) < 2 else "yes" if away < 0 else "no")
     best, *others = rows[:10]
     assert (best.compared, best.reaches) == ("cheapest", "yes")
-    for row in others:  # of the plans that are not worse by five minutes, the best changes least
+    for row in others:  # the best plan has the fewest changes among those within five minutes
         assert row.compared == ("equal" if row.minutes < best.minutes + 5 else "higher")
     for compared in ("equal", "higher"):
         minutes = [row.minutes for row in others if row.compared == compared]

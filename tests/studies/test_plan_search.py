@@ -51,7 +51,7 @@ class KnownLaboratory:
         self.simulated += tests
         value = self.true_u(exchanged, counts)
         error = 0.2 * value / np.sqrt(tests)
-        common = np.random.default_rng(tests).normal()  # of laboratories that all plans share
+        common = np.random.default_rng(tests).normal()  # error of laboratories that all plans share
         noise = 0.8 * common + 0.6 * self.rng.normal()
         return SimpleNamespace(
             median_u=Median(value + error * noise, error), invalid=np.zeros(tests, bool)

@@ -51,7 +51,7 @@ def browser() -> Iterator[Any]:
 
 
 def look(browser: Any, page: Any, paths: list[str]) -> list[str]:
-    """Return what axe-core finds on pages, at two widths, light and dark."""
+    """Return the findings of axe-core on pages, at two widths, light and dark."""
     found = []
     start = re.match(r"http://[^/]*", page.url)[0]
     for width, theme in LOOKS:

@@ -1,4 +1,4 @@
-"""Runs and results: start to files, cancel, restart, and what is left of a run that ends."""
+"""Runs and results: start, files, cancel, restart, and the files that remain after a run."""
 
 from __future__ import annotations
 

@@ -213,7 +213,7 @@ def _rule(annotation: ast.expr | None) -> ParameterRule:
 
 
 def _imported(name: str) -> Any:
-    """Return what a module of types calls `name`, or None."""
+    """Return the value called `name` in the modules of types, or None."""
     values = (getattr(module, name, None) for module in map(import_module, TYPES))
     return next((each for each in values if each is not None), None)
 

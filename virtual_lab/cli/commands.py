@@ -21,7 +21,7 @@ from virtual_lab.commands.call import Call, read_value, settings_in
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.output import Answer
 from virtual_lab.commands.rehearse import ExcludedError
-from virtual_lab.commands.running import Outcome, carry_out
+from virtual_lab.commands.running import CallOutcome, carry_out
 from virtual_lab.errors import IncompleteError, InputError
 from virtual_lab.output.progress import show_progress
 from virtual_lab.parameters import ParameterRule
@@ -213,7 +213,7 @@ def _parameter(each: ParameterDescription, command: Command) -> click.Parameter:
     )
 
 
-def _print(outcome: Outcome, command: Command, *, as_json: bool) -> None:
+def _print(outcome: CallOutcome, command: Command, *, as_json: bool) -> None:
     """Print the result, and the paths of all written files.
 
     If JSON is printed, the path of the folder is the key `folder` of the document, or a line on

@@ -10,7 +10,7 @@ from typing import Any
 
 from virtual_lab.api.describing import REQUIRED
 from virtual_lab.commands.call import Call
-from virtual_lab.commands.running import prepare
+from virtual_lab.commands.running import check_target
 from virtual_lab.sheets import Sheet
 
 PROGRAM = "virtual-lab"
@@ -49,7 +49,7 @@ def python_line(call: Call) -> str:
     A folder that the command names itself gets the name that it would have now.
     """
     command, output = call.command, call.command.output
-    target = call.values.get("out") or prepare(call)
+    target = call.values.get("out") or check_target(call)
     given = {**command.fixed, **call.part(command.parameters)}
     given |= {output.into: target} if output.into else {}
     if command.public_name:

@@ -1,4 +1,4 @@
-"""What a command writes, and where: folder, table and figure of a result."""
+"""Files that a command writes: folder, table and figure of a result, and their paths."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Answer:
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """How the result of a command is saved, drawn and printed.
+    """The rules by which the result of a command is saved, drawn and printed.
 
     A result is an object with a `document` for JSON and a `text`, like every `StudyResult`. It also
     has a method to save it, `table` and `plot` if the command writes these.

@@ -17,7 +17,7 @@ from virtual_lab.parameters import SETTINGS
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class CallOutcome:
     """The result of a call, and the paths that were written."""
 
     result: Any
@@ -26,7 +26,7 @@ class Outcome:
     missing: Sequence[str] = ()  # forms that could not be written, and the reasons
 
 
-def prepare(call: Call) -> Path | None:
+def check_target(call: Call) -> Path | None:
     """Return the folder or file of a call's result, after all checks that need no computation.
 
     Raises `InputError` for files or a key that cannot be used, and if an extra is missing.
@@ -37,13 +37,13 @@ def prepare(call: Call) -> Path | None:
     return command.output.target(call.values, defaults)
 
 
-def carry_out(call: Call, progress: Progress) -> Outcome:
+def carry_out(call: Call, progress: Progress) -> CallOutcome:
     """Call the function of a command, and write its result.
 
     Files and folders are checked before the function is called. Raises `InputError` for bad input.
     """
     command, output = call.command, call.command.output
-    target = prepare(call)
+    target = check_target(call)
     how = call.part(command.saved_by)
     given = {key: value for key, value in call.part(command.parameters).items() if key not in how}
     ours = {output.into: target, "out": target, PROGRESS: progress}
@@ -75,7 +75,7 @@ def carry_out(call: Call, progress: Progress) -> Outcome:
         with form(plot), new_files(plot.parent) as draft:
             result.plot(draft / plot.name)
     files = [path for path in (csv, plot) if path and path.exists()]
-    return Outcome(result=result, target=target, files=files, missing=missing)
+    return CallOutcome(result=result, target=target, files=files, missing=missing)
 
 
 def _check_saving(how: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""How a message names a parameter: as the user of the present door states it."""
+"""Names of parameters in messages, in the form of the user's interface."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.reading import open_source
 
-QUALITY = 85  # of the pictures, in the scale of JPEG
+QUALITY = 85  # quality of the pictures [0 to 100, scale of JPEG]
 
 
 @lru_cache(maxsize=1)

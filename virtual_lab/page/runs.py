@@ -16,7 +16,7 @@ from virtual_lab.api.describing import REQUIRED
 from virtual_lab.commands.call import bind
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.output import LONGEST_NAME
-from virtual_lab.commands.running import prepare
+from virtual_lab.commands.running import check_target
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free, parse_toml, read_text
 from virtual_lab.page.answers import flags, sentence
@@ -98,7 +98,7 @@ class Runs:
                 raise InputError("", "", None, allowed)
             number = self._next()
             values = {**values, **self._places(command, values, new, number)}
-            prepare(bind(command, values))
+            check_target(bind(command, values))
             path = self._folder(number)
             path.mkdir(parents=True)
             call = {"command": command.name, "values": values, "began": time.time()}
@@ -149,7 +149,7 @@ class Runs:
     ) -> dict[str, Any]:
         """Return new folders and files below the folder of the page, by name of the field."""
         stated = {key: each for key, each in values.items() if key not in new}
-        usual = prepare(bind(command, stated)) if command.output.folder else None
+        usual = check_target(bind(command, stated)) if command.output.folder else None
         first = [texts(each) for key, each in stated.items() if command.takes_position(key)]
         words = [*command.name.split(), *(Path(each[0]).stem for each in first[:1])]
         name = usual.name if usual else "-".join(words)[:LONGEST_NAME]

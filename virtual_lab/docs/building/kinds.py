@@ -14,10 +14,10 @@ LONGEST = 70  # longest signature that is shown in full [characters]
 NAMES = {name: kind for module in TYPES for name, kind in vars(import_module(module)).items()}
 
 
-def kind_of(parameter: inspect.Parameter) -> str:
+def type_and_default(parameter: inspect.Parameter) -> str:
     """Return type and default of a parameter, such as ``int, default: 0``.
 
-    A name such as ``Seed`` becomes the type that it stands for, without its rule. A parameter whose
+    A name such as ``Seed`` is replaced by its type, without the rule. A parameter whose
     default is None or a function is called *optional*.
     """
 
@@ -52,7 +52,7 @@ def _add_kinds(
             return
         named = [name.strip(" *") for name in line.split(",")]
         if line[:1].strip() and named[0] in parameters:
-            kinds = dict.fromkeys(kind_of(parameters[each]) for each in named)
+            kinds = dict.fromkeys(type_and_default(parameters[each]) for each in named)
             lines[number] = f"{line} : {'; '.join(kinds)}"
 
 
