@@ -118,6 +118,12 @@ def test_only_clips_of_the_folder_are_shown(visitor: Visitor) -> None:
     for path in (outside, f"{home}/../a.avi", home / "link.avi", "/etc/passwd", "%00", ""):
         assert visitor.ask(f"/clip?path={path}").status == 404
     size = json.loads(visitor.ask(f"/clip?path={within}").body)
+    state = size.pop("state")
     assert size == {"count": 12, "width": 320, "height": 240}
     assert visitor.ask(f"/clip?path={within}&frame=3").headers["content-type"] == "image/jpeg"
     assert visitor.ask(f"/clip?path={within}&frame=12").status == 404
+    before = visitor.ask(f"/clip?path={within}&frame=3").body
+    clip_of(within, first=5)  # the file is replaced
+    assert json.loads(visitor.ask(f"/clip?path={within}").body)["state"] != state
+    assert visitor.ask(f"/clip?path={within}&frame=3").body != before
+    assert visitor.ask(f"/clip?path={within}&frame=7").status == 404

@@ -113,10 +113,10 @@ class Form(HTMLParser):
             self.select = ""
 
 
-def clip_of(path: Path) -> Path:
-    """Write a clip of twelve frames, 320 x 240, in which a ball moves to the right."""
+def clip_of(path: Path, first: int = 0) -> Path:
+    """Write frames `first` to 11 of a clip, 320 x 240, in which a ball moves to the right."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (320, 240))
-    for number in range(12):
+    for number in range(first, 12):
         frame = np.full((240, 320, 3), 60, np.uint8)
         writer.write(cv2.circle(frame, (40 + 20 * number, 120), 10, (0, 220, 0), -1))
     writer.release()

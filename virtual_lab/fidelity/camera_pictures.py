@@ -183,7 +183,7 @@ def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Loca
 def _clip(samples: NDArray[np.uint8]) -> Clip:
     """Return a clip without frames. It has only sample pictures for the noise estimate."""
     return Clip(
-        source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
+        source=Source(path=Path("made"), declared=0, read=lambda *_: iter(())),
         times=np.zeros(0),
         shape=CASE.frame,
         full_scale=FULL_SCALE,

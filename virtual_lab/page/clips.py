@@ -11,22 +11,36 @@ from virtual_lab.video.clips.reading import open_source
 QUALITY = 85  # quality of the pictures [0 to 100, scale of JPEG]
 
 
-@lru_cache(maxsize=1)
-def clip_size(path: Path) -> dict[str, int]:
-    """Return number, width and height of the frames of a clip."""
-    shape, count = (0, 0), 0
-    for frame, _ in open_source(path).pictures(lambda number: number == 0):
-        shape, count = shape if frame is None else frame.shape, count + 1
-    return {"count": count, "width": shape[1], "height": shape[0]}
+def clip_size(path: Path) -> dict[str, object]:
+    """Return number, width and height of a clip's frames, and a name of its present state."""
+    state = _state(path)
+    (height, width), stamps = _shape_and_stamps(path, state)
+    return {"count": len(stamps), "width": width, "height": height, "state": str(state)}
 
 
-@lru_cache(maxsize=300)
 def frame_picture(path: Path, number: int) -> bytes:
     """Return a frame of a clip as JPEG. Raises `InputError` if the clip has no such frame."""
     import cv2
 
-    for at, (frame, _) in enumerate(open_source(path).pictures(lambda each: each == number)):
-        if at == number:
-            shown = frame if frame.dtype == "uint8" else (frame / (frame.max() or 1) * 255)
-            return bytes(cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])
-    raise InputError(str(path), "frame", number, "there is no such frame")
+    stamps = _shape_and_stamps(path, _state(path))[1]
+    if not 0 <= number < len(stamps):
+        raise InputError(str(path), "frame", number, "there is no such frame")
+    frame = open_source(path).frame(number, stamps)
+    shown = frame if frame.dtype == "uint8" else (frame / (frame.max() or 1) * 255)
+    return bytes(cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])
+
+
+@lru_cache(maxsize=1)
+def _shape_and_stamps(path: Path, _: int) -> tuple[tuple[int, int], list[float]]:
+    """Return rows and columns of a clip's frames, and the time stamps of all frames [s]."""
+    shape, stamps = (0, 0), []
+    for frame, stamp in open_source(path).pictures(lambda number: number == 0):
+        shape = shape if frame is None else frame.shape[:2]
+        stamps.append(stamp)
+    return shape, stamps
+
+
+def _state(path: Path) -> int:
+    """Return a number that changes when the file, or a file in the folder, is changed."""
+    states = (each.stat() for each in (path, *sorted(path.glob("*"))))
+    return hash(tuple((each.st_mtime_ns, each.st_size) for each in states))

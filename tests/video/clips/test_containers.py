@@ -51,7 +51,7 @@ def write(
         if sound:
             silence = file.add_stream("pcm_s16le", 8000, layout="mono")
         for number, stamp in enumerate(stamps - stamps[hidden]):
-            picture = np.full((48, 64, 3), 8 * number, np.uint8)
+            picture = np.full((48, 64, 3), 8 * number % 256, np.uint8)
             frame = av.VideoFrame.from_ndarray(picture, "bgr24").reformat(format=colours)
             frame.pts, frame.time_base = round(stamp / clock), clock
             file.mux(stream.encode(frame))
@@ -110,6 +110,31 @@ def test_whole_clips_are_read_with_their_times(
     np.testing.assert_allclose(clip.times, times - times[0], rtol=0, atol=rounding / 2 + 1e-5)
     assert 5 <= len(clip.samples) <= 18
     assert not [each for each in clip.warnings if "stamp" in each]
+
+
+LATER = np.arange(150) / 60  # times of a clip with fifteen key frames
+UNEVEN = np.cumsum(np.repeat([1 / 60, 1 / 15, 1 / 240], 50)) - 1 / 60
+SOUGHT: dict[str, Callable[[Path], Path]] = {
+    "B-frames": lambda at: write(at / "a.mp4", LATER, "libx264"),
+    "B-frames across key frames": lambda at: write(at / "a.mp4", LATER, "libx265"),
+    "uneven": lambda at: write(at / "a.mp4", UNEVEN, "libx264"),
+    "uneven, TS": lambda at: write(at / "a.ts", UNEVEN, "libx264"),
+    "edit list": trimmed,
+    "WebM": lambda at: write(at / "a.webm", LATER, "libvpx"),
+    "equal time stamps": lambda at: write(at / "a.mkv", LATER / 40),
+}
+
+
+@pytest.mark.parametrize("kind", SOUGHT)
+def test_a_frame_of_a_video_is_found_by_its_number(kind: str, tmp_path: Path) -> None:
+    """In any order, each is the same as when the clip is read from its start."""
+    source = open_source(SOUGHT[kind](tmp_path))
+    frames, stamps = zip(*source.pictures(), strict=True)
+    assert (len(set(stamps)) < len(stamps)) == (kind == "equal time stamps")
+    order = np.random.default_rng(5).permutation(len(frames))[:20]
+    for number in (len(frames) - 1, 17, 16, 0, 1, *order):
+        np.testing.assert_array_equal(source.frame(number, stamps), frames[number])
+        assert number == 0 or np.any(frames[number] != frames[number - 1])
 
 
 CUT: dict[str, Callable[[Path], Path]] = {
@@ -269,7 +294,7 @@ def test_time_stamps_most_of_which_repeat_are_not_used() -> None:
 
 
 def _source(count: int) -> Source:
-    return Source(path=Path("a.mp4"), declared=count, rate=20.0, read=lambda _: iter(()))
+    return Source(path=Path("a.mp4"), declared=count, rate=20.0, read=lambda *_: iter(()))
 
 
 def test_an_animated_webp_is_read_and_needs_a_rate(tmp_path: Path) -> None:

@@ -63,8 +63,11 @@ WRITERS: dict[str, Callable[[Path, Frames], Path]] = {
 @pytest.mark.filterwarnings("ignore")
 def test_frames_are_read_without_change(kind: str, depth: type, tmp_path: Path) -> None:
     frames = noise(depth=depth)
-    read = [frame for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).pictures()]
+    source = open_source(WRITERS[kind](tmp_path, frames))
+    read, stamps = zip(*source.pictures(), strict=True)
     np.testing.assert_array_equal(read, frames)
+    for number in (7, 0, 11, 10):
+        np.testing.assert_array_equal(source.frame(number, stamps), frames[number])
 
 
 @pytest.mark.parametrize("kind", ["mp4", "png", "stack", "npy"])
@@ -269,7 +272,7 @@ def test_motion_jpeg_shows_what_ffmpeg_shows(tmp_path: Path) -> None:
         assert np.abs(frame.astype(float) - theirs.read()[1]).mean() < 2
     assert not theirs.grab()
     assert [
-        k for k, (frame, _) in enumerate(source.read(lambda k: k % 5 == 0)) if frame is not None
+        k for k, (frame, _) in enumerate(source.read(lambda k: k % 5 == 0, 0)) if frame is not None
     ] == [0, 5, 10]
     content = bytearray(path.read_bytes())
     at = [match.start() for match in re.finditer(b"\xff\xd8\xff", bytes(content))][7]
@@ -312,8 +315,8 @@ def test_chosen_frames_alone_are_decoded(monkeypatch: pytest.MonkeyPatch) -> Non
     clip, decoded = open_clip(np.stack(noise(40)), FAST), []
     source = clip.source
 
-    def read(wanted: Callable[[int], bool]) -> Stamped:
-        for number, (frame, stamp) in enumerate(source.read(wanted)):
+    def read(wanted: Callable[[int], bool], start: int) -> Stamped:
+        for number, (frame, stamp) in enumerate(source.read(wanted, start)):
             decoded.append(number) if wanted(number) else None
             yield frame, stamp
 

@@ -58,7 +58,7 @@ def sharp_places(shot: Shot) -> Places:
     start = Located.start(hulls[:, :2], float(np.nanmedian(hulls[:, 2])), blurs)
     samples = empties(shot.kind, EMPTY)
     clip = Clip(
-        source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
+        source=Source(path=Path("made"), declared=0, read=lambda *_: iter(())),
         times=shot.times,
         shape=(800, 1280),
         full_scale=2.0 ** (8 * samples.itemsize) - 1,

@@ -80,7 +80,7 @@ if (panel) {
   };
   const step = () => {
     one("output", panel).textContent = `${slide.value} of ${size.count - 1}`;
-    picture.src = `/clip?path=${encodeURIComponent(chosen.value)}&frame=${slide.value}`;
+    picture.src = `/clip?path=${encodeURIComponent(chosen.value)}&state=${size.state}&frame=${slide.value}`;
     picture.alt = `Frame ${slide.value} of the clip`;
     draw();
   };

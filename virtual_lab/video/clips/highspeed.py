@@ -48,8 +48,8 @@ def cine(path: Path) -> Source:
         count, first = int(head.ImageCount), int(head.FirstImageNo)
         rate, exposure, stamps = rate_of(head.FrameRate), head.ExposureTime, _stamps(path, head)
 
-    def read(_: Wanted) -> Stamped:
-        for number in range(count):
+    def read(_: Wanted, start: int) -> Stamped:
+        for number in range(start, count):
             with _library_errors(path, ".cine"):
                 image = reader.read_image(head, str(path), first + number)
             yield np.ascontiguousarray(image), float(stamps[number])
@@ -105,9 +105,10 @@ def mraw(path: Path) -> Source:
         raw = np.fromfile(data, np.uint8, size, offset=number * size)
         return _grey(raw, bits).reshape(shape), np.nan
 
-    return Source(
-        path=path, declared=count, rate=rate, read=lambda _: map(read_frame, range(complete))
-    )
+    def read(_: Wanted, start: int) -> Stamped:
+        return map(read_frame, range(start, complete))
+
+    return Source(path=path, declared=count, rate=rate, read=read)
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:

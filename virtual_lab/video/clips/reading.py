@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
-from itertools import chain, takewhile
+from itertools import chain, islice, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,12 +98,14 @@ def _images(path: Path, files: list[Path]) -> Source:
         _require_sizes(file)
     pages = [cv2.imcount(str(file), cv2.IMREAD_UNCHANGED) for file in files]
 
-    def read(_: Wanted) -> Stamped:
+    def read(_: Wanted, start: int) -> Stamped:
         for file, count in zip(files, pages, strict=True):
-            # OpenCV 5.0 can only read a WebP from its first picture on, so all its pictures are
-            # read at once.
-            for page in _pages(file, count, count if file.suffix.lower() == ".webp" else 8):
-                yield page, np.nan
+            if start < max(count, 1):
+                # OpenCV 5.0 can only read a WebP from its first picture on, so all its pictures are
+                # read at once.
+                some = _pages(file, count, count if file.suffix.lower() == ".webp" else 8)
+                yield from ((page, np.nan) for page in islice(some, start, None))
+            start = max(start - count, 0)
 
     return Source(path=path, declared=sum(pages), ignored=litter(path), read=read)
 
@@ -132,8 +134,8 @@ def _array(path: Path, load: Callable[[], Frame]) -> Source:
         raise InputError(str(path), "array", f"shape {shape}", allowed)
     _require_size(path, (shape[2], shape[1]))
 
-    def read(_: Wanted) -> Stamped:
-        return ((np.array(load()[k], order="C"), np.nan) for k in range(shape[0]))
+    def read(_: Wanted, start: int) -> Stamped:
+        return ((np.array(load()[k], order="C"), np.nan) for k in range(start, shape[0]))
 
     return Source(path=path, declared=shape[0], read=read)
 
@@ -156,9 +158,11 @@ def _video(path: Path) -> Source:
     stretch = (wider or 1.0, 1.0)[:: 1 if turn % 180 == 0 else -1]  # of pixels that are not square
     jpegs = _is_motion_jpeg(path, capture, (int(high), int(wide)))
 
-    def read(wanted: Wanted) -> Stamped:
+    def read(wanted: Wanted, start: int) -> Stamped:
         capture = cv2.VideoCapture(str(path), cv2.CAP_OPENCV_MJPEG) if jpegs else _capture(path)
-        number = 0
+        if start:
+            capture.set(cv2.CAP_PROP_POS_FRAMES, start)
+        number = start
         while capture.grab():
             frame = capture.retrieve()[1] if wanted(number) else None
             if frame is None and wanted(number):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ Frame = NDArray[Any]  # pixels of 8 or 16 bits, unsigned
 # pairs of a frame (None: not wanted) and its time stamp [s] (NaN: none)
 Stamped = Iterator[tuple[Any, float]]
 Wanted = Callable[[int], bool]  # whether the frame with a number must be decoded
+MARGIN = 16  # frames that a search in a video starts before the frame: stamps may be uneven
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +39,7 @@ class Source:
     rotation: float | None = None
     tracks: Sequence[VideoTrack] = ()  # video tracks of an MP4 or MOV file
     ignored: Sequence[str] = ()  # litter in a folder, see `virtual_lab.files.is_litter`
-    read: Callable[[Wanted], Stamped]
+    read: Callable[[Wanted, int], Stamped]  # from a frame on; in a video only from nearby
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:
         """Yield frames, gray or in color, with their time stamps; None for a frame not wanted.
@@ -45,7 +48,7 @@ class Source:
         be read than the file states, or if there is none.
         """
         first, count = "", 0
-        for frame, stamp in self.read(wanted):
+        for frame, stamp in self.read(wanted, 0):
             size = "" if frame is None else _size(frame, f"{self.path}: frame {count}")
             first = first or size
             if size and size != first:
@@ -58,6 +61,23 @@ class Source:
         if count < self.declared and not self.estimated:
             allowed = f"the file states {self.declared} frames (is it cut short?)"
             raise InputError(str(self.path), "frames that can be read", count, allowed)
+
+    def frame(self, number: int, stamps: Sequence[float]) -> Any:
+        """Return the frame with a number. The frames far before it are not read, if possible.
+
+        `stamps` are the time stamps of all frames. They identify a frame of a video, because a
+        search by number may end at another frame.
+        """
+        stamp = stamps[number]
+        before = max(0, number - MARGIN) if stamps.count(stamp) == 1 else 0
+        start = number if isnan(stamp) else before
+        while start and not isnan(stamp):
+            frames = self.read(lambda _: True, start)
+            frame, at = next((each for each in frames if each[1] >= stamp), (None, nan))
+            if at == stamp:
+                return frame
+            start //= 2
+        return next(islice(self.read(lambda each: each == number, start), number - start, None))[0]
 
 
 def _size(frame: Frame, where: str) -> str:
