@@ -51,7 +51,6 @@ def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]
     vl.plan("bbcor", target_u=0.0015, bat=bat, laboratories=200).plot("plan.png")
     vl.daily(ball=vl.ball("check-ball"), drift=0.001)
     vl.slope(bats=["r161", bat])
-    vl.reference().plot(folder / "reference.png")
     vl.sensitivity(Path("mine.toml"))
     vl.fit_bat(folder / "measured.toml", members=3)
     vl.campaign({"bats": [bat], "procedures": "bbcor", "laboratories": 4, "seed": 1}, folder)

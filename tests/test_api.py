@@ -47,7 +47,7 @@ def test_dir_help_and_completion_show_the_same_names() -> None:
     names, missing = done.stdout.splitlines()
     assert missing == "[]"
     commands = {"certify", "score", "reduce", "template", "profile", "sensitivity", "slope"}
-    commands |= {"coverage", "bias", "faults", "critique", "daily", "paper", "track"}
+    commands |= {"coverage", "bias", "faults", "critique", "daily", "track"}
     assert commands | {"calibrate", "sweep", "fit_bat"} <= set(names.split())
     assert "instruments" in pydoc.render_doc(vl.coverage)
     with pytest.raises(AttributeError):

@@ -25,13 +25,10 @@ from virtual_lab.files.dictionary import (
     units_of,
     with_units,
 )
-from virtual_lab.output.result import frame
 from virtual_lab.output.tables import INLINE, Column
 from virtual_lab.records import record_types
 from virtual_lab.studies.bats.text import Peaks
 from virtual_lab.studies.critique import BatRank, Pair
-from virtual_lab.studies.paper.claim import Row
-from virtual_lab.studies.paper.findings import CLAIMS
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.show.course import WRITTEN
 from virtual_lab.video.show.track_text import OF_CONTACT, OF_FLIGHT, in_columns
@@ -148,7 +145,6 @@ def test_the_tables_that_are_computed_are_in_the_dictionary() -> None:
         known(table)
     known(vl.procedure("astm-f1881").numbers)
     known(vl.shelf("bats").table)
-    known(frame([Row(claim=CLAIMS[0], result=1.0).document]))
 
 
 def test_the_tables_of_a_clip_are_in_the_dictionary() -> None:

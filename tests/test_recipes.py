@@ -207,37 +207,6 @@ assert abs(drawn.u - 1) < 0.01
 """
 
 
-def a_claim(copy: Copy) -> None:
-    copy.add("data/paper/claims.csv", "II A,test,six times seven,42,0.5,,,1,by hand,,product 6 7\n")
-    copy.add(
-        "virtual_lab/studies/paper/computed.py",
-        "\n\ndef product(*factors):\n    return float(factors[0]) * float(factors[1])\n",
-    )
-
-
-A_CLAIM = """
-from virtual_lab.studies.paper.findings import CLAIMS
-(claim,) = [each for each in CLAIMS if each.says == "six times seven"]
-assert claim.row().holds and claim.row().result == 42
-"""
-
-
-def a_published_number(copy: Copy) -> None:
-    header, *_ = copy.read("data/reference/published.csv").splitlines()
-    row = dict.fromkeys(header.split(","), "")
-    row |= {"quantity": "answer", "value": "42", "unit": "1", "role": "prediction", "low": "41"}
-    row |= {"find": "answer", "high": "43", "source": "nathan2003", "why": "by hand"}
-    copy.add("data/reference/published.csv", ",".join(row.values()) + "\n")
-    copy.add("virtual_lab/studies/reference/results.py", "\n\ndef answer():\n    return 42.5\n")
-
-
-A_PUBLISHED_NUMBER = """
-from virtual_lab.studies.reference.findings import compare_number, read_published
-(number,) = [each for each in read_published() if each.quantity == "answer"]
-row = compare_number(number)
-assert (row.value, row.difference, row.agreement) == (42.5, 0.5, "agrees")
-"""
-
 ACTION = """
 [actions.%s]
 title = "%s"
@@ -517,8 +486,6 @@ RECIPES: dict[str, tuple[Callable[[Copy], None], str]] = {
     "a calibration constant": (a_constant, A_CONSTANT),
     "a method to propagate uncertainty": (a_method, A_METHOD),
     "a distribution of an input": (a_distribution, A_DISTRIBUTION),
-    "a claim of the paper": (a_claim, A_CLAIM),
-    "a published number": (a_published_number, A_PUBLISHED_NUMBER),
     "an action at the rehearsal bench": (an_action, AN_ACTION),
     "a repair at the rehearsal bench": (a_repair, A_REPAIR),
     "a scenario": (a_scenario, A_SCENARIO),

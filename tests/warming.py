@@ -87,8 +87,8 @@ def _motion() -> None:
 
 
 def _alone() -> None:
+    from tests.studies.paper.claims import CLAIMS
     from virtual_lab.studies.bats.profile import profiles
-    from virtual_lab.studies.paper import CLAIMS
 
     profiles("r161", swings=(None,), ball="baseball-2003")[0]  # second contacts allowed
     next(claim for claim in CLAIMS if "r161 clamped against free" in claim.says).find()

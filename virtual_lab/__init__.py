@@ -47,8 +47,6 @@ Studies of laboratories and procedures
     twin             simulate a laboratory's day again, and check its uncertainty
     critique         ranking of bats by procedures, compared with the field
     daily            control charts of the daily checks
-    paper            claims of A. M. Nathan's 2003 paper beside our results
-    reference        published measurements beside our results
 
 Uncertainty and decisions, of any model and data
     Input            an input of a model: value and u, or limits

@@ -570,17 +570,6 @@ def test_faults_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path)
     assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
 
 
-def test_every_claim_of_the_paper_holds_but_those_marked_as_lost(run: Run) -> None:
-    code, out, _ = run("paper", "--json")
-    assert code == 0
-    document = json.loads(out)
-    lost = [row["claim"] for row in document["rows"] if row["disagreement"]]
-    assert document["hold"] == len(document["rows"]) - len(lost) >= 212
-    assert document["claims"] == len(document["rows"])
-    keys = {"section", "location", "claim", "published", "value", "deviation", "holds"}
-    assert keys <= set(document["rows"][0])
-
-
 def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
     words = ("critique", "barrel-loaded", "knob-loaded", "--procedure", "astm-f1881")
     code, out, _ = run(*words, "--swing", "0", "--laboratories", "2", "--out", "two", "--json")

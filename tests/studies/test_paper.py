@@ -5,30 +5,18 @@ A claim that is marked as lost has to fail, so that no mark outlives its reason.
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from inspect import getsource
 from math import inf, isfinite, nan
 from pathlib import Path
 
-import pandas as pd
 import pytest
 
-from virtual_lab.catalog.reading import DATA
+from tests.studies.paper import computed, examples, metrics, models, procedures
+from tests.studies.paper.claim import Claim, read_claims
+from tests.studies.paper.claims import CLAIMS, FINDERS, PATH
 from virtual_lab.errors import InputError
-from virtual_lab.studies.paper import (
-    CLAIMS,
-    Claim,
-    Findings,
-    computed,
-    examples,
-    metrics,
-    models,
-    procedures,
-)
-from virtual_lab.studies.paper.claim import read_claims
-from virtual_lab.studies.paper.findings import FINDERS
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=[claim.name for claim in CLAIMS])
@@ -43,6 +31,7 @@ def test_no_claim_is_listed_twice() -> None:
     assert [
         name for name, count in Counter(claim.name for claim in CLAIMS).items() if count > 1
     ] == []
+    assert (len(CLAIMS), sum(bool(claim.lost) for claim in CLAIMS)) == (215, 2)
     for claim in CLAIMS:
         assert claim.low <= claim.high
         assert claim.why
@@ -84,6 +73,7 @@ def test_a_claim_holds_within_its_bounds() -> None:
     assert not below.row().holds
     assert below.row().deviation == pytest.approx(-0.6)
     assert below.tolerance == "± 0.5"
+    assert (below.row().cells["holds"], below.row().cells["deviation"]) == ("NO", "-0.6")
     assert not made_up(0.9, low=1.0, high=inf).row().holds
     assert not made_up(1.1, low=-inf, high=1.0).row().holds
     assert made_up(0.5, low=0.0, high=1.0).row().holds
@@ -118,7 +108,7 @@ def test_a_table_of_claims_is_read(tmp_path: Path) -> None:
 
 def test_every_finder_of_a_section_finds_something() -> None:
     """A finder that no claim and no other function uses would be dead code."""
-    rows = (DATA / "paper" / "claims.csv").read_text("utf-8").splitlines()
+    rows = PATH.read_text("utf-8").splitlines()
     named = {row.rpartition(",")[2].split()[0] for row in rows[1:]}
     for section in (metrics, models, examples, procedures):
         text = getsource(section)
@@ -135,28 +125,3 @@ def test_an_unknown_support_is_refused() -> None:
         computed.support("hold")
     with pytest.raises(InputError, match="bending mode = -1; allowed: 0, 1"):
         examples.node_shift(-1)
-
-
-def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
-    """Some rows are compared; the pictures show all four bats."""
-    failing = made_up(3.0, paper=2.6, low=2.55, high=2.65)
-    claims = [*(claim for claim in CLAIMS if claim.section == "II C"), failing]
-    found = Findings(claims=tuple(claim.row() for claim in claims))
-    assert found.held == len(claims) - 1
-    text = found.text
-    assert f"{len(claims) - 1} of {len(claims)} hold" in text
-    assert text.endswith("II C, text: made up: the model")
-    assert found.claims[-1].cells["holds"] == "NO"
-    assert found.claims[-1].cells["deviation"] == "+0.4"
-    document = json.loads(json.dumps(found.document, allow_nan=False))
-    assert document["rows"][-1]["holds"] is False
-    assert document["rows"][-1]["published"] == 2.6
-    found.save(tmp_path / "out")
-    names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == ["paper.csv", "paper.html", "paper.png"]
-    table = pd.read_csv(tmp_path / "out" / "paper.csv")
-    assert table["value"].tolist() == pytest.approx([row.result for row in found.claims])
-    page = (tmp_path / "out" / "paper.html").read_text("utf-8")
-    assert "<svg" in page
-    assert page.count("<tr>") == len(claims) + 1
-    assert (tmp_path / "out" / "paper.png").read_bytes().startswith(b"\x89PNG")

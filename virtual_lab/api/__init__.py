@@ -53,10 +53,8 @@ if TYPE_CHECKING:
     from virtual_lab.studies.inventory import show as show
     from virtual_lab.studies.operating import operating as operating
     from virtual_lab.studies.own_laboratory.own_laboratory import laboratory as laboratory
-    from virtual_lab.studies.paper.findings import paper as paper
     from virtual_lab.studies.place_slope import slope as slope
     from virtual_lab.studies.plan.planning import plan as plan
-    from virtual_lab.studies.reference.findings import reference as reference
     from virtual_lab.studies.report import report as report
     from virtual_lab.studies.template import template as template
     from virtual_lab.studies.twin.twin import twin as twin

@@ -119,8 +119,6 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
                 ),
             ),
         ),
-        Command("paper", example="--csv claims.csv", output=DRAWN),
-        Command("reference", example="--csv reference.csv", output=DRAWN),
     ),
     "Camera": (
         Command(

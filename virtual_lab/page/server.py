@@ -36,7 +36,7 @@ from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
 PACKAGE = "virtual_lab.page"
-CHECKS = ("paper", "reference", "chart", "stability")  # commands that check this program
+CHECKS = ("chart", "stability")  # commands that check this program
 HIDDEN = ("open", *CHECKS)  # commands that no other section shows
 LAST = "Checks of this program"
 SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows

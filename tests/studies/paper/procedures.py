@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.kinematics import (
-    batted_speed,
-    besr,
-    collision_efficiency,
-    rebound_speed_from_recoil,
-    restitution_from_efficiency,
-)
-from virtual_lab.studies.paper.computed import (
+from tests.studies.paper.computed import (
     ALUMINIUM,
     BALL,
     BATS,
@@ -27,6 +20,13 @@ from virtual_lab.studies.paper.computed import (
     recoil,
     rules,
     top,
+)
+from virtual_lab.measurement.reduction.kinematics import (
+    batted_speed,
+    besr,
+    collision_efficiency,
+    rebound_speed_from_recoil,
+    restitution_from_efficiency,
 )
 from virtual_lab.units import INCH, MPH, Array
 

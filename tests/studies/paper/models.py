@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.kinematics import (
-    batted_speed,
-    efficiency_from_restitution,
-)
-from virtual_lab.relations.peaks import peak
-from virtual_lab.relations.swing import KNOB_OFFSET
-from virtual_lab.simulation.collision.modal import BENDING_MODES
-from virtual_lab.simulation.physics.ball import wall_contact
-from virtual_lab.studies.paper.computed import (
+from tests.studies.paper.computed import (
     ALUMINIUM,
     WOOD,
     Z,
@@ -29,6 +21,14 @@ from virtual_lab.studies.paper.computed import (
     recoil,
     top,
 )
+from virtual_lab.measurement.reduction.kinematics import (
+    batted_speed,
+    efficiency_from_restitution,
+)
+from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.swing import KNOB_OFFSET
+from virtual_lab.simulation.collision.modal import BENDING_MODES
+from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of bats in the measured swings

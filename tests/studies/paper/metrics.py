@@ -6,20 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.kinematics import (
-    batted_speed,
-    batted_speed_gain,
-    besr,
-    collision_efficiency,
-    efficiency_from_restitution,
-    energy_fractions,
-    parallel_axis,
-    restitution_from_efficiency,
-)
-from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.physics.beam import Free
-from virtual_lab.simulation.physics.modes import modes_of
-from virtual_lab.studies.paper.computed import (
+from tests.studies.paper.computed import (
     ALUMINIUM,
     BALL,
     BATS,
@@ -37,6 +24,19 @@ from virtual_lab.studies.paper.computed import (
     support,
     top,
 )
+from virtual_lab.measurement.reduction.kinematics import (
+    batted_speed,
+    batted_speed_gain,
+    besr,
+    collision_efficiency,
+    efficiency_from_restitution,
+    energy_fractions,
+    parallel_axis,
+    restitution_from_efficiency,
+)
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.physics.beam import Free
+from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH, MPH, Array
 
 SLOW, FAST = 60.0, 160.0  # relative speeds [mph]

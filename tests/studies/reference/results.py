@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import spearmanr
 
+from tests.studies.paper.computed import BALL, WOOD, beam, body, paper_ball, rules
+from tests.studies.reference.published import published_value
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
@@ -30,8 +32,6 @@ from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
 from virtual_lab.studies.bats.profile import free_model, profiles
-from virtual_lab.studies.paper.computed import BALL, WOOD, beam, body, paper_ball, rules
-from virtual_lab.studies.reference.published import published_value
 from virtual_lab.units import (
     DIMENSIONS,
     INCH,

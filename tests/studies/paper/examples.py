@@ -9,19 +9,8 @@ from itertools import combinations
 
 import numpy as np
 
-from virtual_lab import catalog
-from virtual_lab.errors import InputError
-from virtual_lab.measurement.reduction.kinematics import (
-    batted_speed,
-    efficiency_from_restitution,
-    recoil_factor_free,
-    restitution_from_efficiency,
-)
-from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.physics.beam import Free, beam_of
-from virtual_lab.studies.paper.claim import Claim
-from virtual_lab.studies.paper.computed import (
+from tests.studies.paper.claim import Claim
+from tests.studies.paper.computed import (
     ALUMINIUM,
     BALL,
     BARREL,
@@ -41,6 +30,17 @@ from virtual_lab.studies.paper.computed import (
     restitution,
     top,
 )
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.reduction.kinematics import (
+    batted_speed,
+    efficiency_from_restitution,
+    recoil_factor_free,
+    restitution_from_efficiency,
+)
+from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 

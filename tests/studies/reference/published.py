@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from math import inf, isfinite
-from typing import Literal, get_args
+from pathlib import Path
+from typing import Final, Literal, get_args
 
-from virtual_lab.catalog.reading import DATA
+from tests.studies.paper.claim import argument
 
-PATH = DATA / "reference" / "published.csv"
+PATH = Path(__file__).with_suffix(".csv")
 Role = Literal["fit", "data", "prediction", "wide", "none"]
+WIDE: Final = "too wide to decide"
 ROLES: tuple[Role, ...] = get_args(Role)
 TAKEN_OVER = 1e-3  # relative tolerance of a number that was fitted or taken over
 KNOWN_CHANGE = 0.2  # relative change of a known disagreement that needs a new explanation
@@ -80,16 +82,7 @@ def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Ca
     `finders` does not have, and `ValueError` for an empty text.
     """
     name, *arguments = row.find.split()
-    return partial(finders[name], *map(_argument, arguments))
-
-
-def _argument(word: str) -> float | str:
-    for kind in (int, float):
-        try:
-            return kind(word)
-        except ValueError:
-            continue
-    return word
+    return partial(finders[name], *map(argument, arguments))
 
 
 def _read(row: Mapping[str, str]) -> Published:

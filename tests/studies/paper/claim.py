@@ -64,25 +64,6 @@ class Row:
         return self.claim.low <= self.result <= self.claim.high
 
     @property
-    def document(self) -> Mapping[str, float | str | bool | None]:
-        """The row as a JSON object, also used for CSV."""
-        claim = self.claim
-        return {
-            "section": claim.section,
-            "location": claim.where,
-            "claim": claim.says,
-            "published": claim.paper,
-            "value": self.result,
-            "unit": claim.unit,
-            "deviation": self.deviation,
-            "agreement_low": claim.low if isfinite(claim.low) else None,
-            "agreement_high": claim.high if isfinite(claim.high) else None,
-            "why": claim.why,
-            "disagreement": claim.lost,
-            "holds": self.holds,
-        }
-
-    @property
     def cells(self) -> dict[str, str]:
         """The row as printed."""
         claim, deviation = self.claim, self.deviation
@@ -132,11 +113,12 @@ def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iter
                 unit=row["unit"],
                 why=row["why"],
                 lost=row["lost"],
-                find=partial(finders[finder], *map(_argument, arguments)),
+                find=partial(finders[finder], *map(argument, arguments)),
             )
 
 
-def _argument(word: str) -> float | str | None:
+def argument(word: str) -> float | str | None:
+    """Return a word of a table as the argument of a finder: a number, a text, or None."""
     for kind in (int, float):
         try:
             return kind(word)

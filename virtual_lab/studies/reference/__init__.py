@@ -1,1 +1,0 @@
-"""Published measurements of bats, balls and tests beside the results of this laboratory."""
