@@ -430,6 +430,13 @@ AnyBat = Annotated[AnyEntry, BAT]
 AnyBats = Annotated[AnyEntries, BATS]
 AnyBall = Annotated[AnyEntry, entry_rule("balls")]
 AnyProcedure = Annotated[AnyEntry, PROCEDURE]
+FORM_TITLES = {  # forms besides those of a procedure
+    "laboratory": "Particulars of a laboratory, for its certificates",
+    "prices": "Prices of instruments and time, for a plan",
+}
+AnyForm = Annotated[
+    AnyEntry, replace(PROCEDURE, complete=lambda: _titles("procedures") | FORM_TITLES)
+]
 AnyProcedures = Annotated[AnyEntries, PROCEDURES]
 AnyCamera = Annotated[AnyEntry, entry_rule("instruments")]
 AnyRig = Annotated[AnyEntry, replace(entry_rule("rigs"), complete=_rigs_at_bats)]

@@ -30,6 +30,7 @@ from virtual_lab.certificate.schema import json_schema
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.output.rounding import digits
 from virtual_lab.records.origin import Supplied
 from virtual_lab.simulation.stations.rig import Reality
 
@@ -174,7 +175,9 @@ def test_a_fail_names_the_rule_that_is_not_met_and_no_other() -> None:
     said = f"length in inches minus weight in ounces {less:.2f}, allowed up to 2"
     assert document.verdict == "FAIL"
     assert document.reasons == (said,)
-    assert f"FAIL: {said}\n" in certificate_text(document)
+    number = rf"BPF 0\.\d+ ± {digits(document.metric.interval_95[1] - document.metric.value)}"
+    first = certificate_text(document).partition("\n")[0]
+    assert re.fullmatch(rf"FAIL: {number}, limit 1\.200; {said}", first)
     assert f"The bat does not meet the rules: {said}" in words(notebook_card(document))
     text = words(certificate_page(document))
     assert f"The bat does not meet the rules: {said}" in text
@@ -243,6 +246,8 @@ def test_an_invalid_test_with_a_number_shows_it_as_no_result() -> None:
         assert "interval 0." not in form
         assert "BPF =" not in form
     assert "No BPF can be stated" in words(page("too few valid hits"))
+    first = certificate_text(document).partition("\n")[0]
+    assert first == f"INVALID: {'; '.join(document.reasons)}"
     assert document.text.count(str(document.metric.value)) > 0
 
 

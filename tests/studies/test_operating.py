@@ -1,6 +1,7 @@
 """The operating characteristic: counts of the same tests, and three tests of a laboratory."""
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,12 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
     """Each share has half its Clopper-Pearson interval; of three laboratories, to first order."""
     answer = found.text.split("Probability of PASS by ")[1]
     assert answer.startswith(f"{TIGHT.name}, with the limit 1.2")
+    first = found.text.partition("\n")[0].partition("; ")[0]
+    assert first.startswith(
+        f"a bat at the limit of {TIGHT.name} passes one test with a probability of"
+    )
+    chances = [100 * row.pass_probability for row in points(found, 1)[POINTS:]]
+    assert re.findall(r"([\d.]+) ± ", first) == [f"{chance:.1f}" for chance in chances]
     for one, best in zip(points(found, 1)[POINTS:], points(found, 3)[POINTS:], strict=True):
         p = one.pass_probability
         band = stats.binomtest(round(p * LABORATORIES), LABORATORIES).proportion_ci()

@@ -47,6 +47,7 @@ def test_plans_reach_the_target_for_the_fewest_minutes(plans):
     for compared in ("equal", "higher"):
         minutes = [row.minutes for row in others if row.compared == compared]
         assert minutes == sorted(minutes)
+    assert f"plan 1 reaches {best.simulated_u:.3g}, with {best.hits} hits" in plans.title
     single = rows[-1]
     changed = [single.exchanged != "none", single.hits > 6, single.balls > 12, single.wall_hits > 4]
     assert sum(changed) == 1
@@ -128,7 +129,7 @@ def test_present_laboratory_may_reach_the_target():
     rules = vl.procedure("asa").with_(largest_speed_u="0.137 mph")
     plans = vl.plan(rules, bat="softball-34", target_u=0.2, laboratories=TESTS)
     assert [row.plan for row in plans] == ["present"]
-    assert "present laboratory reaches the target" in plans.text
+    assert "u up to 0.2 mph: the present laboratory reaches 0." in plans.title
     tests = vl.sweep("softball-34", procedures=rules, laboratories=TESTS)
     assert plans[0].invalid == (tests["verdict"] == "INVALID").sum() > 20
 
@@ -156,6 +157,7 @@ def test_floor_if_no_plan_reaches_the_target():
     plans = vl.plan("asa", bat="softball-34", target_u=0.01, laboratories=TESTS)
     present, floor = plans
     assert (floor.plan, floor.hits, floor.reaches) == ("floor", 24, "no")
+    assert plans.title.endswith("no plan is sure to reach it")
     assert floor.simulated_u < 0.6 * present.simulated_u
     assert floor.planned_u == pytest.approx(floor.simulated_u, rel=0.05)
     (sentence,) = (line for line in plans.text.split(". ") if "floor is" in line)

@@ -44,7 +44,10 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     metric = document["metric"]
     error = metric["value"] - metric["true_value"]
     assert metric["z"] == pytest.approx(error / metric["u"])
-    *_, seal, replay, sealing = scored.text.splitlines()
+    answer, *_, seal, replay, sealing = scored.text.splitlines()
+    inside = "inside" if metric["held"] else "outside"
+    assert f"by {error:+.4g}, which is {abs(metric['z']):.1f} of its standard" in answer
+    assert f"true value {metric['true_value']:.4g} is {inside} the 95 % interval" in answer
     assert (seal, replay) == ("The seal is intact.", "Played again: truth and records agree.")
     assert sealing == "sealed: random seed of 128 bits, stored only with the truth"
 

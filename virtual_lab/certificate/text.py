@@ -8,19 +8,16 @@ from typing import Any
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.printed import printed_values
 from virtual_lab.output.tables import table_text
+from virtual_lab.units import MPH
 
 
 def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of several lines, in printed units."""
     procedure, printed = document.procedure, printed_values(document)
-    marginal = ", marginal: the limit is within the 95 % interval" if document.marginal else ""
-    why = "" if document.verdict == "INVALID" else "; ".join(document.reasons)
-    lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
-    lines.append(f"  {document.verdict}{why and f': {why}'}{marginal}")
+    lines = [_answer(document, printed["result"])]
+    lines.append(f"{document.bat.name} by {procedure.name} ({procedure.edition})")
     if document.states_result:
         lines += [f"  {line}" for line in _result(document, printed)]
-    if document.verdict == "INVALID":
-        lines += [f"  invalid: {reason}" for reason in document.reasons]
     lines += [
         f"  {'meets' if finding.met else 'does not meet'}: {finding.sentence}"
         for finding in document.findings
@@ -42,6 +39,18 @@ def certificate_text(document: CertificateDocument) -> str:
     return "\n".join(lines)
 
 
+def _answer(document: CertificateDocument, result: dict[str, Any]) -> str:
+    """Return verdict, result and reasons, such as ``PASS: e 0.483 ± 0.004, limit 0.500``."""
+    parts = [*document.reasons]
+    if result["stated"]:
+        limit = "" if result["limit"] == "none" else f", limit {result['limit']}"
+        value = f"{result['symbol']} {result['value']} ± {result['expanded']}{result['unit']}"
+        both = f" ({document.metric.value:.2f} m/s)" if document.metric.unit == "m/s" else ""
+        parts.insert(0, value + both + limit)
+    parts += ["marginal: the limit is within the 95 % interval"] if document.marginal else []
+    return f"{document.verdict}: {'; '.join(parts)}"
+
+
 def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of the result and of the other measured quantities."""
     result, at = printed["result"], printed["conditions"]
@@ -59,7 +68,8 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
         symbol = row["symbol"].replace("_0", "0")
         which = f"   {document.recoil.which}" if symbol == "r" else ""
         yield f"{symbol:4} {row['value']} (u {row['u']}){which}"
-    yield f"at {at['relative']} mph, {at['place']} in from the tip"
+    speed = "" if document.v_rel_mph is None else f" ({document.v_rel_mph * MPH:.2f} m/s)"
+    yield f"at {at['relative']} mph{speed}, {at['place']} in from the tip"
     if printed["choice"]:
         more = printed["choice"]
         yield f"includes {more} because the chosen impact position may not be the best one"

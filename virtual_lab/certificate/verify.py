@@ -144,7 +144,7 @@ class Verification(StudyResult):
     @property
     def text(self) -> str:
         """The first alterations and differences, lines on unchecked parts, and the signer."""
-        lines = [self.state]
+        lines = ["whole: no file was changed" if self.state == "whole" else self.state]
         if altered := self._of("altered"):
             lines += listed_rows(altered)
         if differing := self._of("differs"):

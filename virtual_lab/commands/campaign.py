@@ -10,12 +10,15 @@ from virtual_lab.output.progress import Progress, quiet
 
 
 def check(folder: CampaignFolder, *, progress: Progress = quiet) -> Any:
-    """List damaged and missing parts of the campaign in FOLDER (exit code 4 if there are any)."""
+    """List damaged and missing parts of a campaign.
+
+    The exit code is 4 if there are any.
+    """
     return api.Campaign.open(folder).check(progress)
 
 
 def summary(folder: CampaignFolder) -> Any:
-    """Show verdicts, means, errors and coverage of the tests in FOLDER.
+    """Show verdicts, means, errors and coverage of the tests of a campaign.
 
     The table has one row per combination of bat, procedure and changed settings.
     """

@@ -15,7 +15,7 @@ from typing import Any
 from virtual_lab import api
 from virtual_lab.api.describing import Description, ParameterDescription, describe, first_line
 from virtual_lab.api.door import PROGRESS, public
-from virtual_lab.commands.output import PRINTED, Output
+from virtual_lab.commands.output import DRAWN, Output
 from virtual_lab.parameters import ANYTHING
 
 HIDDEN = (PROGRESS, "out")  # parameters that the program sets itself
@@ -36,6 +36,8 @@ class Command:
         of the command, with underscores.
     example
         Arguments of an example, without the command's name.
+    question
+        Question that the command answers, if many users ask it.
     fixed
         Arguments that the command sets itself.
     options
@@ -43,7 +45,7 @@ class Command:
     saving
         Method that saves the result, as ``Class.method``. Its parameters are options too.
     output
-        How the result is printed and saved.
+        How the result is printed and saved. By default it is that of a study.
     variants
         Further commands whose names begin with the name of this one.
     words
@@ -53,10 +55,11 @@ class Command:
     name: str = field(kw_only=False)
     place: str | tuple[str, str] = field(default="", kw_only=False)
     example: str = ""
+    question: str = ""
     fixed: Mapping[str, Any] = field(default_factory=dict)
     options: Sequence[str] = ()
     saving: str = ""
-    output: Output = PRINTED
+    output: Output = DRAWN
     variants: Sequence[Command] = ()
     words: str = ""
 
@@ -113,6 +116,11 @@ class Command:
     def fields(self) -> Mapping[str, ParameterDescription]:
         """The parameters, and after them folder and files of the result."""
         return {**self.parameters, **self.output.parameters(self.parameters)}
+
+    def takes(self, kind: str) -> bool:
+        """Return whether the first parameter is one or more folders of a kind, and no other."""
+        first = next((each.rule for each in self.parameters.values()), None)
+        return first is not None and first.holds == (kind,)
 
     def takes_position(self, key: str) -> bool:
         """Return whether a parameter is an argument without an option's name at the shell."""

@@ -177,16 +177,16 @@ def _serve_page(
 
 
 def summary(folder: Folder) -> StudyResult:
-    """Print a table of all days in the folders below FOLDER, one row per day."""
+    """Print a table of all days in the folders below a folder, one row per day."""
     from virtual_lab.bench.entrance.review import summary as run
 
     return run(Path(folder))
 
 
 def branch(day: DayFolder, entry: int, folder: NewFolder) -> Answer:
-    """Start a new day in FOLDER with the first entries of DAY, for practice.
+    """Start a new day with the first entries of a day that was handed in, for practice.
 
-    DAY is a day that was handed in. The entries of its log are copied up to number ENTRY, counted
+    The entries of the log are copied up to number ENTRY, counted
     from 1 and included. With 0, no entry is copied. If another laboratory supplied the first
     entries, ENTRY must be at least the number of these entries.
     """

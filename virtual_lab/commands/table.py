@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.commands.command import Command
-from virtual_lab.commands.output import DRAWN, STUDY, TABLE, Answer, Output
+from virtual_lab.commands.output import PRINTED, STUDY, TABLE, Answer, Output
 from virtual_lab.errors import InputError
 from virtual_lab.output.tables import table_text
 
@@ -32,7 +32,10 @@ def _board(folder: Path) -> Answer:
 
 def _form(path: Path) -> Answer:
     """Return the answer for the path of an empty form."""
-    return Answer(document={"folder" if path.is_dir() else "file": str(path)}, text=str(path))
+    return Answer(
+        document={"folder" if path.is_dir() else "file": str(path)},
+        text=f"empty, to fill in: {path}",
+    )
 
 
 def _answer_sweep(table: Any) -> Answer:
@@ -48,10 +51,15 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
         Command(
             "certify",
             example="r161 --procedure bbcor --seed 7",
+            question="Does this bat pass?",
             saving="Certificate.save",
             output=Output(folder="{bat}-{procedure}", page="certificate.html"),
         ),
-        Command("score", example="out/r161-bbcor-seed-7", output=DRAWN),
+        Command(
+            "score",
+            question="How far from the truth is this certificate?",
+            example="out/r161-bbcor-seed-7",
+        ),
         Command(
             "reduce",
             example="out/r161-bbcor-seed-7/records",
@@ -59,32 +67,39 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             output=Output(keeps=True),
         ),
         Command("verify", example="out/r161-bbcor-seed-7", output=TABLE),
-        Command("report", example="out/r161-bbcor-seed-7 out/other", output=DRAWN),
-        Command("open", PAGE, example="out"),
-        Command("template", example="astm-f1881 forms", output=Output(answer=_form)),
+        Command("report", example="out/r161-bbcor-seed-7 out/other"),
+        Command("open", PAGE, example="out", output=PRINTED),
+        Command(
+            "template",
+            example="astm-f1881 forms",
+            question="How do I enter measurements of my own?",
+            output=Output(answer=_form),
+        ),
         Command(
             "rehearse",
             (REHEARSE, "day"),
-            example="--operator expert --seed 3 --out day",
+            example="--scenario plain-day --operator expert --out day",
             output=Output(keeps=True, page="debrief.html"),
             variants=(
                 Command("rehearse summary", (REHEARSE, "summary"), example="days", output=STUDY),
-                Command("rehearse branch", (REHEARSE, "branch"), example="day 4 again"),
+                Command(
+                    "rehearse branch", (REHEARSE, "branch"), example="day 4 again", output=PRINTED
+                ),
                 Command("rehearse check", (REHEARSE, "check"), example="mine.toml", output=STUDY),
             ),
         ),
     ),
     "Bats and the catalog": (
         Command("list", "shelf", example="bats", output=TABLE),
-        Command("show", example="r161"),
-        Command("profile", example="r161 ea70 --swing 0.3", output=DRAWN),
+        Command("show", example="r161", output=PRINTED),
+        Command("profile", question="Which bat hits harder?", example="r161 ea70 --swing 0.3"),
         Command(
             "fit-bat",
             example="measured.toml --out mine.toml",
             output=Output(table=True, file="New bat file, .toml.", method="write"),
         ),
-        Command("sensitivity", example="r161", output=DRAWN),
-        Command("slope", example="r161 ea70", output=DRAWN),
+        Command("sensitivity", example="r161"),
+        Command("slope", example="r161 ea70"),
     ),
     "Studies of laboratories and procedures": (
         Command(
@@ -92,15 +107,19 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             example="r161 ea70 --laboratories 2",
             output=Output(table=True, frame="", answer=_answer_sweep),
         ),
-        Command("coverage", example="r161 --summed --laboratories 20", output=DRAWN),
-        Command("operating", example="r161 --laboratories 20", output=DRAWN),
-        Command("interlab", example="laboratories.toml --predict", output=DRAWN),
-        Command("bias", example="--procedure bbcor", options=("procedure",), output=DRAWN),
-        Command("faults", example="gate-moved --laboratories 2", output=DRAWN),
-        Command("plan", example="bbcor --target-u 0.0015", output=DRAWN),
+        Command("coverage", example="r161 --summed --laboratories 20"),
+        Command("operating", question="Who passes by chance?", example="r161 --laboratories 20"),
+        Command("interlab", example="laboratories.toml --predict"),
+        Command("bias", example="--procedure bbcor", options=("procedure",)),
+        Command("faults", example="gate-moved --laboratories 2"),
+        Command(
+            "plan",
+            question="How do I reach a smaller uncertainty?",
+            example="bbcor --target-u 0.0015",
+        ),
         Command("laboratory", example="out/r161-bbcor-seed-7 --out ours", output=STUDY),
-        Command("twin", example="out/r161-bbcor-seed-7", output=DRAWN),
-        Command("critique", example="r161 ea70 --laboratories 2", output=DRAWN),
+        Command("twin", example="out/r161-bbcor-seed-7"),
+        Command("critique", example="r161 ea70 --laboratories 2"),
         Command("daily", example="--days 12 --baseline 6", output=replace(CHARTED, folder="daily")),
         Command(
             "campaign",
@@ -112,8 +131,14 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
                     example="study.toml --out campaign",
                     output=Output(into="folder"),
                 ),
-                Command("campaign resume", "campaign", example="campaign", fixed={"study": None}),
-                Command("campaign check", (CAMPAIGN, "check"), example="campaign"),
+                Command(
+                    "campaign resume",
+                    "campaign",
+                    example="campaign",
+                    fixed={"study": None},
+                    output=PRINTED,
+                ),
+                Command("campaign check", (CAMPAIGN, "check"), example="campaign", output=PRINTED),
                 Command(
                     "campaign summary", (CAMPAIGN, "summary"), example="campaign", output=STUDY
                 ),
@@ -124,6 +149,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
         Command(
             "track",
             example="clip.mp4 --ball 73mm --phone",
+            question="How fast is the ball in my clip?",
             output=Output(folder=_beside_the_clip),
         ),
         Command(
@@ -162,7 +188,7 @@ def of_other_packages(taken: Collection[str], name: str = "") -> Iterator[Comman
     for each in entry_points(group="virtual_lab.commands"):
         if name not in ("", each.name):
             continue
-        command = Command(each.name, (each.module, each.attr), output=DRAWN)
+        command = Command(each.name, (each.module, each.attr))
         try:
             if each.name in used:
                 raise ValueError("another command has this name")

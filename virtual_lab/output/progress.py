@@ -1,4 +1,4 @@
-"""Progress of long computations: amount done, rate, and time left.
+"""Progress of long computations: amount done, and time left.
 
 On a terminal and in a notebook one line with a bar is updated; in a pipe a line is written every
 ten seconds, so that a log shows that the program is running. While a kernel is compiled, the line
@@ -17,7 +17,7 @@ from typing import Protocol, TextIO
 
 PATIENCE = 2.0  # time before the first bar [s]
 BAR_STEP, PIPE_STEP = 0.2, 10.0  # times between two bars, and between two lines in a pipe [s]
-COUNTED = "{n_fmt} of {total_fmt}, {rate_fmt}, {remaining} left{postfix}"
+COUNTED = "{n_fmt} of {total_fmt}{postfix}"
 BAR, LINE = f"{{desc}} |{{bar}}| {COUNTED}", f"{{desc}}: {COUNTED}"  # formats of tqdm
 
 
@@ -75,6 +75,16 @@ class _Status:
             self.since, self.first = time.monotonic(), done
         self.text, self.done, self.total = text, done, total
 
+    def _left(self, elapsed: float) -> str:
+        """Return the time left in words, empty if nothing was counted in `elapsed` seconds."""
+        done = self.done - self.first
+        if not (self.total and done):
+            return ""
+        seconds = elapsed / done * (self.total - self.done)
+        units = {"h": 3600, "min": 60, "s": 1}
+        unit = next((each for each, size in units.items() if seconds >= 1.5 * size), "s")
+        return f"about {seconds / units[unit]:.0f} {unit} left"
+
     def line(self, counted: str, width: int | None = None, *, plain: bool = False) -> str:
         """Return the line of the current task.
 
@@ -83,16 +93,17 @@ class _Status:
         """
         from tqdm import tqdm
 
+        elapsed = time.monotonic() - (self.since if self.total else self.begun)
         return str(
             tqdm.format_meter(
                 self.done,
                 self.total,
-                time.monotonic() - (self.since if self.total else self.begun),
+                elapsed,
                 ncols=width,
                 prefix=self.text,
                 ascii=plain,
                 bar_format=counted if self.total else "{desc}, {elapsed}{postfix}",
-                postfix=_compilation(),
+                postfix=", ".join(filter(None, (self._left(elapsed), _compilation()))),
                 initial=self.first,
             )
         )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from math import floor, inf, log10
 
+from virtual_lab.units import MPH
+
 LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
 
@@ -40,6 +42,16 @@ def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     The value also has six decimals if `u` is not finite.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
+
+
+def expanded(value: float, u: float) -> str:
+    """Return a value and its expanded uncertainty 2 u as text, such as ``0.947 ± 0.010``."""
+    return f"{value:.{decimals(2 * u)}f} ± {digits(2 * u)}"
+
+
+def speed_text(speed: float, places: int = 1) -> str:
+    """Return a speed [m/s] in both units as text, such as ``46.7 m/s (104.4 mph)``."""
+    return f"{speed:.{places}f} m/s ({speed / MPH:.{places}f} mph)"
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:

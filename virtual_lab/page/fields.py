@@ -120,7 +120,6 @@ def _kind(
         return "text", [*choices, *results]
     if not rule.closed:
         choices += offered(folder, (), (".toml",))
-    choices += WORDS["files"].items() if command.name == "template" else ()
     return "choices" if several else "choice", choices
 
 

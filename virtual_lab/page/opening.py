@@ -37,7 +37,7 @@ def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress 
     from virtual_lab.page.server import Page, page_application
 
     progress("")
-    path = Path(folder)
+    path = Path(folder).absolute()
     path.mkdir(parents=True, exist_ok=True)
     listener = listen(*find_address(LOOPBACK, 0, secure=False))
     port, token = listener.getsockname()[1], secrets.token_urlsafe(24)

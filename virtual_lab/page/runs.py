@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
 
+from virtual_lab import api
 from virtual_lab.api.describing import REQUIRED
 from virtual_lab.commands.call import bind
 from virtual_lab.commands.command import Command
@@ -19,12 +20,19 @@ from virtual_lab.commands.output import LONGEST_NAME
 from virtual_lab.commands.running import check_target
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free, parse_toml, read_text
-from virtual_lab.page.answers import flags, sentence
 from virtual_lab.page.fields import RUNS, is_new, offered, texts
-from virtual_lab.page.wording import WORDS
-from virtual_lab.page.working import BLANK, CALL, OUTCOME, PROGRESS_LINE, carry_out_run, write_json
+from virtual_lab.page.working import (
+    BLANK,
+    CALL,
+    OUTCOME,
+    PROGRESS_LINE,
+    answer_of,
+    carry_out_run,
+    write_json,
+)
 from virtual_lab.parameters import SETTINGS
 from virtual_lab.processes import Worker, WorkerLostError
+from virtual_lab.sheets import FORM_TITLES
 
 CHOSEN = ("out", "csv", "open")  # fields of which a user does not think
 LARGEST = 10**6  # above all numbers of runs
@@ -123,11 +131,7 @@ class Runs:
 
     def _adopt(self, result: Path) -> None:
         certificate, settings = result / "certificate.json", result / SETTINGS
-        document = _read(certificate)
-        if "verdict" not in document:
-            return
-        answer = sentence("show", document, "")
-        outcome = {"answer": answer, "flags": flags(document), "written": [str(result)]}
+        outcome = {**answer_of(api.show(certificate)), "written": [str(result)]}
         values = parse_toml(read_text(settings), str(settings)) if settings.exists() else {}
         name = "certify" if (result / "truth").is_dir() else "reduce"
         call = {"command": name, "values": values, "began": certificate.stat().st_mtime}
@@ -157,7 +161,7 @@ class Runs:
         places: dict[str, Any] = {}
         for key in new:
             full = name if key in ("out", "csv", "folder") else f"{name}-{key}"
-            is_file = command.output.file or values.get("procedure") in WORDS["files"]
+            is_file = command.output.file or values.get("procedure") in FORM_TITLES
             ending = ".csv" if key == "csv" else ".toml" if is_file else ""
             path = first_free(self.folder / f"{full}{ending}")
             taken = str(path) in live  # by a run that has not written yet

@@ -55,11 +55,16 @@ class Page:
         self.last_request = time.monotonic()
         template = page_template(PACKAGE, name, "virtual_lab.web")
         html = template.render(
-            folder=self.folder, quote=quote, words=wording, REQUIRED=REQUIRED, **values
+            folder=self.folder,
+            commands=self.commands,
+            quote=quote,
+            words=wording,
+            REQUIRED=REQUIRED,
+            **values,
         )
         return HTMLResponse(html, status_code=status)
 
-    def start(self, _: Request) -> Response:
+    def start(self, request: Request) -> Response:
         """Return the start page."""
         sections = {}
         for title, rows in SECTIONS.items():
@@ -68,7 +73,10 @@ class Page:
         sections[LAST] = [self.commands[name] for name in CHECKS]
         self.runs.adopt()
         size = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
-        return self.render("start.html", sections=sections, runs=self.runs.all(), size=size)
+        asks = "quit" in request.query_params
+        return self.render(
+            "start.html", sections=sections, runs=self.runs.all(), size=size, asks=asks
+        )
 
     def form(
         self,
@@ -148,7 +156,7 @@ class Page:
         """Return the progress of a run as JSON."""
         self.last_request = time.monotonic()
         run = self._run(request)
-        counted = re.search(r": +(\d+) of (\d+),", run.progress)
+        counted = re.search(r": +(\d+) of (\d+)", run.progress)
         done, total = map(int, counted.groups()) if counted else (0, 0)
         state = {"live": run.live, "line": run.progress, "done": done, "total": total}
         return JSONResponse(state)
@@ -198,8 +206,10 @@ class Page:
         self.runs.cancel(request.path_params["number"])
         return RedirectResponse("/", status_code=303)
 
-    def quit(self, _: Request) -> Response:
-        """End all runs and the server."""
+    def quit(self, request: Request) -> Response:
+        """End all runs and the server. With a run in progress the start page asks first."""
+        if self.runs.workers and "sure" not in request.query_params:
+            return RedirectResponse("/?quit=yes", status_code=303)
         self.runs.end()
         self.quit_now()
         return sentence_page(200, f"Results are in {self.folder}.", title="The page is closed")

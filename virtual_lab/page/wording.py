@@ -20,8 +20,6 @@ CODE = re.compile(
     r"|virtual-lab |Or a list|In Python|mapping|X,Y|[A-Z]{3}[-/]|/[A-Z]{3}|\b[a-z]{2,}_[a-z]+"
 )
 UNIT = re.compile(r"\s*\[([^\]=]{1,12})\]")
-NAMED = re.compile(r"\b(FOLDER|FILE|ENTRY|DAY)\b")
-CODES = re.compile(r"\s*\([^()]*exit code[^()]*\)")
 HERE = re.compile(r":? (?:a )?names? in the catalog or (?:a )?\.toml files?")
 
 
@@ -41,9 +39,7 @@ def plain(words: str, title: str = "") -> str:
     It is empty if it only repeats the title.
     """
     paragraph = UNIT.sub("", " ".join(words.split("\n\n", maxsplit=1)[0].split()))
-    paragraph = NAMED.sub(lambda match: f"the {match[1].lower()}", CODES.sub("", paragraph))
-    paragraph = HERE.sub("", paragraph)
-    sentences = re.split(r"(?<=[.:]) (?=[A-Z`])", paragraph)
+    sentences = re.split(r"(?<=[.:]) (?=[A-Z`])", HERE.sub("", paragraph))
     kept = " ".join(each for each in sentences if not CODE.search(each))
     kept = re.sub(r"``(.*?)``|`~?(.*?)`", _name, kept).strip()
     return "" if kept.strip(".").lower() in (title.lower(), f"the {title.lower()}") else kept

@@ -18,7 +18,6 @@ from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import InputError
 from virtual_lab.files import whole_file
 from virtual_lab.output.progress import show_progress
-from virtual_lab.page.answers import flags, sentence
 from virtual_lab.page.wording import field_name, refusal
 
 CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
@@ -63,13 +62,12 @@ def carry_out_run(path: Path) -> None:
         outcome = {"shell": shell_line(call), "python": python_line(call)}
         with show_progress(ProgressFile(path / PROGRESS_LINE)) as progress:  # type: ignore[arg-type]
             done = carry_out(call, progress)
-        document, text = done.result.document, str(done.result.text)
+        text = str(done.result.text)
         written = [done.target, *done.files, *getattr(done.result, "files", ())]
         if command.name == "template":
             written.append(Path(request["values"]["folder"]))
         outcome |= {
-            "answer": sentence(command.name, document, text),
-            "flags": flags(document),
+            **answer_of(done.result),
             "text": text,
             "written": [str(each) for each in dict.fromkeys(written) if each],
             "missing": list(done.missing),
@@ -85,6 +83,15 @@ def carry_out_run(path: Path) -> None:
         outcome["text"] = traceback.format_exc()
     outcome["seconds"] = time.monotonic() - began
     write_json(path / OUTCOME, outcome)
+
+
+def answer_of(result: Any) -> dict[str, Any]:
+    """Return the answer of a result, its first line, and its flags with warnings."""
+    sentence, document = result.text.strip().partition("\n")[0] or "Done", result.document
+    flags = document.get("flags", []) if isinstance(document, dict) else []
+    names = [each["name"] if isinstance(each, dict) else each for each in flags]
+    warnings = document.get("warnings", []) if flags else []
+    return {"answer": sentence[:1].upper() + sentence[1:], "flags": [*names, *warnings]}
 
 
 def write_json(path: Path, content: object) -> None:

@@ -185,6 +185,7 @@ def operating(
     limits: dict[str, float] = {}
     acceptance_limits: dict[str, tuple[float, float]] = {}
     answers: list[str] = []
+    titles: list[str] = []
     for name in procedures:
         round_robin = RoundRobin.of(bat, name)
         rules = round_robin.setup.rules.spec
@@ -224,13 +225,21 @@ def operating(
         count = POINTS + len(further)
         one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
         answers.append(_answers(one, best, limits[rules.name], accepted))
+        limit_chance, *others = (_best_of(1, row) for row in one[: len(OVER)])
+        over = (
+            f", {of - 1:.0%} over it {chance}" for of, chance in zip(OVER[1:], others, strict=True)
+        )
+        titles.append(
+            f"a bat at the limit of {rules.name} passes one test with a probability of "
+            f"{limit_chance}{''.join(over)}"
+        )
         bat_spec = round_robin.setup.bat.spec
         if exempt := exemption(rules, bat_spec.construction or ""):
             words = f"{bat_spec.name} by {rules.name}: {exempt}"
             answers.append(f"{words}; here it is compared with the limit all the same.")
     return OperatingCurves(
         name="operating",
-        title="probability of PASS",
+        title="; ".join(titles),
         rows=rows,
         words="\n\n".join((WORDS, *answers)),
         limits=limits,

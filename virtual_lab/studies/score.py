@@ -80,6 +80,18 @@ class QuantityScore:
             held=interval[0] <= true <= interval[1] if interval else None,
         )
 
+    @property
+    def words(self) -> str:
+        """The error in one sentence."""
+        if self.error is None or self.z is None:
+            return f"The {self.quantity} has no error: its value or its uncertainty is missing."
+        unit, inside = f" {self.unit}".rstrip(), "inside" if self.held else "outside"
+        return (
+            f"The certificate differs from the truth by {self.error:+.4g}{unit}, which is "
+            f"{abs(self.z):.1f} of its standard uncertainties; the true value "
+            f"{self.true_value:.4g}{unit} is {inside} the 95 % interval."
+        )
+
 
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
@@ -186,9 +198,10 @@ class CertificateScore(StudyResult):
 
     @property
     def text(self) -> str:
-        """Table of the scores, the state of seal and replay, and what is special about the test."""
+        """Error of the metric, all scores, state of seal and replay, and remarks on the test."""
         lack = "too many keys were changed" if self.different else "the test has no result"
-        lines = [table_text(self.rows) if self.rows else f"no score: {lack}"]
+        table = ["", table_text(self.rows), ""] if self.rows else []
+        lines = [self.rows[0].words if self.rows else f"no score: {lack}", *table]
         lines.append(f"The seal is {'broken' if self.broken else 'intact'}.")
         if self.state == "whole":
             lines.append("Played again: truth and records agree.")

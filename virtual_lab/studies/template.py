@@ -29,7 +29,7 @@ from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
 from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
-from virtual_lab.sheets import AnyProcedure, entry_name
+from virtual_lab.sheets import AnyForm, entry_name
 from virtual_lab.studies.foreign import LOGGER_TABLES, optional_constants, our_session
 from virtual_lab.studies.plan.prices import prices_form
 from virtual_lab.units import DIMENSIONS
@@ -50,7 +50,7 @@ MEASURED = {  # quantities read in channels of the bench
 }
 
 
-def template(procedure: AnyProcedure, folder: NewFolder) -> Path:
+def template(procedure: AnyForm, folder: NewFolder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
     If `procedure` is ``laboratory``, only a template for the file of particulars (laboratory,

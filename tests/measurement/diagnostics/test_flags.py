@@ -256,7 +256,7 @@ def test_a_contradiction_is_on_every_certificate(sound: Session) -> None:
     assert not certification.marginal
     document = certificate(certification)
     assert document.verdict == "INVALID"
-    assert "invalid: flag recoil-and-rebound" in certificate_text(document)
+    assert "INVALID: flag recoil-and-rebound" in certificate_text(document)
     assert "flag recoil-and-rebound" in certificate_page(document)
 
 

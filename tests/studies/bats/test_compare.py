@@ -74,6 +74,19 @@ def test_peaks_agree_with_the_model_on_a_fine_grid(compared: BatComparison) -> N
     assert found.place == pytest.approx(z[e_A.argmax()], abs=0.02)
 
 
+def test_the_text_begins_with_the_hardest_hitter(compared: BatComparison) -> None:
+    """For each swing law, with the difference from the second bat."""
+    equal, faster = compared.text.partition("\n")[0].split("; ")
+    for sentence, law in ((equal, 0.0), (faster, 0.5)):
+        speeds = {row.bat: row.peaks for row in compared.peaks if row.swing_exponent == law}
+        r161, ea70 = (speeds[bat]["peak_batted_speed_mph"] for bat in ("r161", "ea70"))
+        assert ea70 > r161
+        assert f"({ea70:.1f} mph)" in sentence
+        assert sentence.endswith(f"({ea70 - r161:.1f} mph) more than r161")
+        assert "ea70 hits hardest" in sentence
+    assert equal.startswith("swung equally fast")
+
+
 def test_a_peak_lies_on_the_barrel() -> None:
     """A softball touches EA70 twice near 15 in, and its e_A is greater there than on the barrel."""
     struck = profiles("ea70", ball="softball-slowpitch")[0]

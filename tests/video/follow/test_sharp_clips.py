@@ -254,6 +254,11 @@ def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Pat
     assert abs(result.speed_out.value - np.hypot(11.2, 1.7) * UNIT) < 4 * result.speed_out.u
     assert "restitution not stated" in track_text(result.clip)
     assert "flight 2" in track_text(result.clip)
+    fastest = re.match(r"fastest: ([\d.]+) ± ([\d.]+) m/s \(([\d.]+) ± .*", track_text(result.clip))
+    assert float(fastest[1]) == pytest.approx(result.speed_out.value, rel=1e-3)
+    assert float(fastest[2]) == pytest.approx(2 * result.speed_out.u, rel=0.06)
+    assert float(fastest[3]) == pytest.approx(result.speed_out.value / 0.44704, rel=1e-3)
+    assert fastest[0].endswith(" of flight 2")
     assert result.document["speed_out_m_per_s"] == {
         "value": result.speed_out.value,
         "u": result.speed_out.u,

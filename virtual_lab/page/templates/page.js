@@ -23,6 +23,11 @@ all("iframe").forEach(frame => {
   print.hidden = false;
   print.addEventListener("click", () => frame.contentWindow.print());
 });
+// names that may be chosen in place of a free text
+all("[data-fills]").forEach(each => {
+  each.hidden = false;
+  each.addEventListener("change", () => { document.getElementById(each.dataset.fills).value = each.value; });
+});
 // uploads with progress
 const send = (file, name, bar) => new Promise((resolve, reject) => {
   const request = new XMLHttpRequest();

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from virtual_lab.catalog.specs import PublishedBat
+from virtual_lab.output.rounding import speed_text
 from virtual_lab.output.tables import Column, column, columns_of, inline, number, table_text
 from virtual_lab.relations.peaks import Peak
-from virtual_lab.units import INCH, OUNCE, OZ_IN2
+from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 PEAKS = {  # curve: symbol, unit and format
     "restitution": ("e", "", ".4f"),
@@ -176,7 +177,7 @@ def balls_text(balls: Mapping[str, str]) -> str:
 def comparison_text(
     peaks: Sequence[Peaks], differences: Sequence[Difference], balls: Mapping[str, str]
 ) -> str:
-    """Return two tables as text: peaks of several bats, and differences from the first bat.
+    """Return the hardest hitter, and two tables: peaks of the bats, differences from the first.
 
     `balls` maps the name of each bat to the name of its ball. Raises `IndexError` if `differences`
     is empty.
@@ -186,9 +187,29 @@ def comparison_text(
     pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}
     columns = pair | swung | columns_of(differences[0])
     return (
+        f"{_hardest_hitters(peaks)}\n\n"
         f"largest values (and positions, inches from the tip), {balls_text(balls)}\n"
         f"{table_text(peaks, tops)}\n\n{table_text(differences, columns)}"
     )
+
+
+def _hardest_hitters(peaks: Sequence[Peaks]) -> str:
+    """Return which bat hits hardest, and by how much, for each swing law."""
+    answers = []
+    for law in dict.fromkeys(row.swing_exponent for row in peaks):
+        speeds = {
+            row.bat: row.peaks["peak_batted_speed_mph"] * MPH
+            for row in peaks
+            if row.swing_exponent == law
+        }
+        first, second = sorted(speeds, key=lambda bat: -speeds[bat])[:2]
+        faster = f"if a lighter bat is swung faster ({swing_text(law)})"
+        swung = faster if law else "swung equally fast"
+        answers.append(
+            f"{swung}, {first} hits hardest: up to {speed_text(speeds[first])}, "
+            f"{speed_text(speeds[first] - speeds[second])} more than {second}"
+        )
+    return "; ".join(answers)
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:

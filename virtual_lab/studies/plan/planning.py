@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,7 +73,9 @@ class LaboratoryPlans(Rows[PlanRow]):
                 right = max(row.simulated_u for row in rows)
                 axes.annotate(names, (right, cost), (4, 4), textcoords="offset points", fontsize=7)
             axes.axvline(self.target_u, color="0.5", linewidth=0.6, linestyle="--")
-            axes.set_title(f"{as_drawn(self.title)}; mark: planned, dashed: target")
+            axes.set_title(
+                f"{as_drawn(self.title.partition(':')[0])}; mark: planned, dashed: target"
+            )
             axes.set(
                 xlabel=f"median $u$ {self.unit}".rstrip(),
                 ylabel=f"price, {currency}" if currency else "minutes of a test",
@@ -199,25 +201,36 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
     while single := cheapest_single_change(search.estimates()[0], search.cost, search.target):
         if search.row(single).reaches != "no":
             break
-    if plans == [present]:
-        words.append("The present laboratory reaches the target.")
-    elif not plans:
+    if not plans:
         chosen[FLOOR] = search.lowest
         words.append(_floor(search))
-    elif single is None:
+    elif single is None and plans != [present]:
         words.append("No single change of the present laboratory reaches the target.")
-    else:
+    elif single is not None:
         chosen[SINGLE] = single
     rows = [search.row(at, name) for name, at in chosen.items()]
     setup, unit = search.laboratory.shared.setup, search.printed.unit
     target = f"{search.target:g} {unit}".rstrip()
     return LaboratoryPlans(
         name="plan",
-        title=f"{setup.bat.spec.name} by {setup.rules.spec.name}: plans with u up to {target}",
+        title=f"{setup.bat.spec.name} by {setup.rules.spec.name}, u up to {target}: {_best(rows)}",
         rows=rows,
         words=" ".join([*words, EQUAL]),
         target_u=search.target,
         unit=unit,
+    )
+
+
+def _best(rows: Sequence[PlanRow]) -> str:
+    """Return the cheapest plan that is sure to reach the target, in words."""
+    reaching = [row for row in rows if row.reaches == "yes"]
+    if not reaching:
+        return "no plan is sure to reach it"
+    plan = min(reaching, key=lambda row: row.compared != "cheapest")
+    name = "the present laboratory" if plan.plan == PRESENT else f"plan {plan.plan}"
+    return (
+        f"{name} reaches {plan.simulated_u:.3g}, with {plan.hits} hits, {plan.final_hits} final "
+        f"hits, {plan.balls} balls, {plan.minutes:.0f} minutes; exchanged: {plan.exchanged}"
     )
 
 

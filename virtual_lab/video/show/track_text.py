@@ -11,7 +11,7 @@ import numpy as np
 
 from virtual_lab.errors import worded
 from virtual_lab.files.column_units import name_of_u
-from virtual_lab.output.rounding import with_uncertainty
+from virtual_lab.output.rounding import expanded, with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
@@ -189,6 +189,7 @@ def track_text(track: FollowedClip) -> str:
     """
     file, number = track.clip.source.path.name, track.clip.count
     lines = [f"{file}: {number} frames, {motion_of(track)}, the ball in {_with_ball(track)}"]
+    lines = [_fastest(track), *lines] if track.flights else lines
     contacts = {each.before: each for each in track.contacts}
     for k, flight in enumerate(track.flights):
         speeds, pull = [flight.speed_in, flight.speed_out], flight.acceleration
@@ -212,6 +213,20 @@ def track_text(track: FollowedClip) -> str:
     flagged = {worded(words) for flag, words in track.notes if flag}
     lines += [f"  {'warning' if each in flagged else 'note'}: {each}" for each in track.warnings]
     return "\n".join(lines)
+
+
+def _fastest(track: FollowedClip) -> str:
+    """Return the largest speed at an end of a flight, and the restitution after this flight."""
+    ends = [
+        (speed, f"at the {end} of flight {n}", n - 1)
+        for n, flight in enumerate(track.flights, 1)
+        for end, speed in (("start", flight.speed_in), ("end", flight.speed_out))
+    ]
+    speed, place, number = max(ends, key=lambda each: each[0].value)
+    mph = expanded(miles_per_hour(speed.value), miles_per_hour(speed.u))
+    ratios = [each.restitution for each in track.contacts if each.before == number]
+    after = [f"; restitution {expanded(each.value, each.u)} after it" for each in ratios if each]
+    return f"fastest: {expanded(speed.value, speed.u)} m/s ({mph} mph) {place}{''.join(after)}"
 
 
 def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
