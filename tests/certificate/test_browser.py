@@ -21,7 +21,7 @@ from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf
 from virtual_lab.records.particulars import Particulars, particulars_of
 
-LOOKS = [(390, "light"), (390, "dark"), (1280, "dark"), (1280, "light")]
+LOOKS = [(320, "light"), (320, "dark"), (1280, "dark"), (1280, "light")]
 CASES = ("pass", "scan with fresh hits", "no valid hit", "all stated", "scan without a limit")
 SHORT = ("scan with fresh hits", "all stated")  # case in the suite; the others are marked long
 EACH = [each if each in SHORT else pytest.param(each, marks=pytest.mark.long) for each in CASES]

@@ -101,12 +101,19 @@ def test_uploads_are_stored_once_and_offered(visitor: Visitor) -> None:
     for _ in range(2):
         answer = visitor.ask("/upload?name=ball.mp4", b"clip")
         assert json.loads(answer.body)["title"] == "uploads/ball.mp4"
+    other = visitor.ask("/upload?name=ball.mp4", b"film")  # as long, but another one
+    assert json.loads(other.body)["title"] == "uploads/ball-2.mp4"
     assert visitor.ask("/upload?name=records%2Fsession.json", b"{}").status == 200
     content = zipped(mine__session=b"", mine__laboratory=b"")
     path = Path(json.loads(visitor.ask("/upload?name=mine.zip", content).body)["path"])
     assert {each.name for each in path.iterdir()} == {"session", "laboratory"}
     uploads = visitor.page.folder / "uploads"
-    assert sorted(each.name for each in uploads.iterdir()) == ["ball.mp4", "mine", "records"]
+    assert sorted(each.name for each in uploads.iterdir()) == [
+        "ball-2.mp4",
+        "ball.mp4",
+        "mine",
+        "records",
+    ]
     assert f'value="{uploads / "ball.mp4"}"' in visitor.ask("/form/track").text
     assert f'value="{uploads / "records"}"' in visitor.ask("/form/reduce").text
 

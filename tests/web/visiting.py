@@ -114,10 +114,12 @@ class Form(HTMLParser):
 
 
 def clip_of(path: Path, first: int = 0) -> Path:
-    """Write frames `first` to 11 of a clip, 320 x 240, in which a ball moves to the right."""
+    """Write frames `first` to 11 of a clip, 320 x 240, of a falling ball: 10 cm, 200 px/m."""
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (320, 240))
     for number in range(first, 12):
         frame = np.full((240, 320, 3), 60, np.uint8)
-        writer.write(cv2.circle(frame, (40 + 20 * number, 120), 10, (0, 220, 0), -1))
+        x, y = 40 + 20 * number, 60 + 200 * 9.81 / 2 * (number / 30) ** 2
+        at = (x << 8, round(256 * y))  # in 1/256 pixel
+        writer.write(cv2.circle(frame, at, 10 << 8, (0, 220, 0), -1, cv2.LINE_AA, 8))
     writer.release()
     return path

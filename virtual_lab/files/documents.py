@@ -372,11 +372,15 @@ def check_writable(target: Path, key: str) -> None:
 
 
 def first_free(target: Path) -> Path:
-    """Return the first of `target`, target-2, target-3 … that is missing or an empty folder."""
+    """Return the first of `target`, target-2, target-3 … that is missing or an empty folder.
+
+    The number of a file is before its suffix.
+    """
     candidate, number = target, 1
     while candidate.exists() and (not candidate.is_dir() or any(candidate.iterdir())):
         number += 1
-        candidate = target.with_name(f"{target.name}-{number}")
+        suffix = target.suffix if target.is_file() else ""
+        candidate = target.with_name(f"{target.name.removesuffix(suffix)}-{number}{suffix}")
     return candidate
 
 

@@ -28,7 +28,7 @@ from virtual_lab.files import inside
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
 from virtual_lab.page.clips import clip_size, frame_picture
-from virtual_lab.page.fields import controls, given, texts
+from virtual_lab.page.fields import controls, given, offered, texts
 from virtual_lab.page.runs import Runs, StartedRun
 from virtual_lab.page.uploads import LARGEST_UPLOAD, UPLOADS, receive
 from virtual_lab.page.wording import field_name, limits, refusal
@@ -144,6 +144,7 @@ class Page:
             target=target,
             certified=(Path(target) / "certificate.json").is_file(),
             sealed=(Path(target) / "truth" / "truth.json").is_file(),
+            comparable=len([*offered(self.folder, ("result",), ())]) > 1,
         )
 
     def _run(self, request: Request) -> StartedRun:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import zipfile
+from filecmp import cmp
 from pathlib import Path, PurePosixPath
 
 from starlette.requests import Request
@@ -26,15 +27,16 @@ async def receive(request: Request, folder: Path) -> Path:
     home = folder / UPLOADS
     name = request.query_params.get("name", "")
     parts = _parts(name)
-    path = inside(home, "/".join(parts), name, "file")
-    same = path.is_file() and path.stat().st_size == int(request.headers["content-length"])
-    if len(parts) == 1 and not same:
-        path = first_free(path)
+    earlier = inside(home, "/".join(parts), name, "file")
+    path = first_free(earlier) if len(parts) == 1 else earlier
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as file:
             async for chunk in request.stream():
                 file.write(chunk)
+        if path != earlier and cmp(earlier, path, shallow=False):  # the same file once more
+            path.unlink()
+            return earlier
         return _unpack(path) if path.suffix.lower() == ".zip" else path
     except OSError as fault:
         allowed = f"The file cannot be stored: {fault.strerror}."
