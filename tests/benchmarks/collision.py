@@ -25,7 +25,7 @@ from virtual_lab.simulation.collision.surrogate import Surrogate
 
 __all__ = ["main"]
 
-SURROGATE = "surrogate of the default model: R161, the box of `chart collision`"
+SURROGATE = "surrogate of the default model: R161, the box of `model chart collision`"
 MEMORY = "memory"
 TOLERANCES = (1e-4, 1e-5, 1e-6)
 POINTS, SEED = 100_000, 11

@@ -283,7 +283,7 @@ def test_stability_prints_its_maps_and_writes_its_folder(
         collision_stability, "AXES", {collision_stability.CollisionAxis.PLACE: (1.0, 6.0)}
     )
     monkeypatch.setattr(collision_stability, "FACTORS", (1.0, 4.0))
-    code, out, _ = run("stability", "collision", "--out", "maps")
+    code, out, _ = run("model", "stability", "collision", "--out", "maps")
     assert code == 0
     assert out.splitlines()[2:7] == [
         "impact position from the tip [in]",
@@ -297,9 +297,9 @@ def test_stability_prints_its_maps_and_writes_its_folder(
         "stability.csv",
         "stability.png",
     ]
-    rows = json.loads(run("stability", "collision", "--json")[1])
+    rows = json.loads(run("model", "stability", "collision", "--json")[1])
     assert [row["state"] for row in rows if row["value"] == 1] == ["good", "unstable", "good"]
-    code, out, err = run("stability", "collision", "--out", "maps")
+    code, out, err = run("model", "stability", "collision", "--out", "maps")
     assert (code, out) == (2, "")
     assert "not empty" in err
 

@@ -138,8 +138,10 @@ DRAG = 1.2 * 0.45 * np.pi * BASEBALL**2 / 4 / (2 * 5.125 * 0.028349523)
 def test_a_kind_of_ball_gives_size_and_drag(folder: Path, tmp_path: Path) -> None:
     words = ["--calibration", str(folder / "cal.toml"), "--ball", "baseball", "--json"]
     at = ["track", str(folder / "clip.mp4"), "--out", str(tmp_path / "found")]
-    done = CliRunner().invoke(cli, [*at, *words])
+    done = CliRunner().invoke(cli, [*at, *words, "--plot", str(tmp_path / "plot.png")])
     assert done.exit_code == 0, done.output
+    plot, stored = (cv2.imread(str(tmp_path / name)) for name in ("plot.png", "found/track.png"))
+    assert (plot == stored).all()
     document = json.loads(done.stdout)
     assert document["scale"]["metres_per_pixel"] == pytest.approx(BASEBALL / 28, rel=5e-3)
     assert document["scale"]["relative_u"] == pytest.approx(4e-4 / BASEBALL, rel=0.25)

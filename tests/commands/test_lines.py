@@ -56,8 +56,7 @@ def python_call(call: Call, line: str) -> Call:
         values |= dict(zip(keys, places, strict=False)) | named
     if call.command.output.into:
         values["out"] = values.pop(call.command.output.into)
-    fixed = {*call.command.fixed, "index"}
-    return bind(call.command, {key: each for key, each in values.items() if key not in fixed})
+    return bind(call.command, {key: each for key, each in values.items() if key != "index"})
 
 
 @pytest.mark.parametrize("words", [*(each.example_line for each in COMMANDS.values()), *MORE])

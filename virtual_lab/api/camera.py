@@ -177,11 +177,12 @@ def track(
     film_of_track: bool = False,
     progress: Progress = quiet,
 ) -> Track:
-    """Track the ball in a clip; return flights, contacts, speeds and restitution.
+    """Measure a ball in a video clip.
 
-    The clip is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of numbered images, a
-    TIFF stack, an animated WebP or PNG, or a .npy array. Images are sorted by number, and negative
-    numbers come first. If no ball is found, the result has no flights and a warning.
+    The result has flights, contacts, speeds and restitution. The clip is a video (MP4, MOV, AVI,
+    MKV, WebM, GIF, CINE, MRAW), a folder of numbered images, a TIFF stack, an animated WebP or PNG,
+    or a .npy array. Images are sorted by number, and negative numbers come first. If no ball is
+    found, the result has no flights and a warning.
 
     Parameters
     ----------
@@ -362,10 +363,11 @@ def calibrate(
     height_u: LengthText | None = None,
     square_u: LengthText | None = None,
 ) -> Calibration:
-    """Calibrate a camera from pictures of a board, for use by ``track``.
+    """Calibrate a camera for ``track``.
 
-    In one picture the board is in the plane of the ball's flight, or parallel to this plane at a
-    known distance. In the other pictures the board is tilted by about 30 deg.
+    It is calibrated by pictures of a board. In one picture the board is in the plane of the ball's
+    flight, or parallel to this plane at a known distance. In the other pictures the board is tilted
+    by about 30 deg.
 
     Parameters
     ----------
@@ -425,7 +427,9 @@ def board(
     views: Views = 10,
     seed: Seed | None = None,
 ) -> Path:
-    """Write simulated pictures of a calibration board to a new folder, to try ``calibrate``.
+    """Simulate pictures to try ``calibrate``.
+
+    They show a calibration board, and are written to a new folder.
 
     Parameters
     ----------

@@ -331,7 +331,9 @@ def certify(
     uncertainty: Propagation = "first-order",
     progress: Progress = quiet,
 ) -> Certificate:
-    """Simulate the test of a bat by a procedure, and return the certificate.
+    """Test a bat by a procedure.
+
+    Bat, balls, rig and readings are simulated. The certificate is returned.
 
     Parameters
     ----------
@@ -505,7 +507,7 @@ def reduce(
     reason: str = "",
     history: ResultFolders = (),
 ) -> Certificate:
-    """Return the certificate computed from a folder of raw records.
+    """Compute a certificate from raw records.
 
     The sealed true values are not read.
 
@@ -557,11 +559,11 @@ def reduce(
 
 
 def compare_with_truth(folder: ResultFolder, *, progress: Progress = quiet) -> CertificateScore:
-    """Play a test again from its truth, and compare its certificate with the true values.
+    """Compare a certificate with the true values.
 
-    The exit code of the command is 3 if files were changed since the test, if the folder
-    contradicts itself, or if truth or records differ from the replay. It is 4 if the test could not
-    be played again: another version made it, or a rig is missing.
+    The test is played again from its truth. The exit code of the command is 3 if files were changed
+    since the test, if the folder contradicts itself, or if truth or records differ from the replay.
+    It is 4 if the test could not be played again: another version made it, or a rig is missing.
 
     Parameters
     ----------
@@ -597,10 +599,10 @@ def sweep(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> pd.DataFrame:
-    """Simulate tests of bats in many laboratories; return a table with one row per test.
+    """Test bats in many laboratories.
 
-    By default every laboratory tests the nominal bat. To save time, the instruments record summary
-    values instead of every gate edge and encoder count.
+    The table has one row per test. By default every laboratory tests the nominal bat. To save time,
+    the instruments record summary values instead of every gate edge and encoder count.
 
     Parameters
     ----------

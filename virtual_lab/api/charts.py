@@ -7,26 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import ChartedPart, StablePart
-from virtual_lab.sheets import Instruments
 
 if TYPE_CHECKING:
     from virtual_lab.fidelity.results import SpeedChart, StabilityMap
 
 
-def chart(
-    part: ChartedPart, *, instruments: Instruments = (), progress: Progress = quiet
-) -> SpeedChart:
-    """Return a chart of the error and run time of each model or method of a part of the laboratory.
+def chart(part: ChartedPart, *, progress: Progress = quiet) -> SpeedChart:
+    """Return a chart of error and run time of the models of a part.
+
+    A part of the laboratory has several models or methods.
 
     Parameters
     ----------
     part
         Part of the laboratory: ``collision``, ``motion``, ``camera``, ``uncertainty`` (methods to
         propagate uncertainty) or ``laboratory`` (all parts of a test).
-    instruments
-        Instruments and rigs with changed values, used instead of the catalog entries.
-
-        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a message that names the current task. If it is not given, the
         functions of `virtual_lab` and the commands show the progress on stderr.
@@ -34,16 +29,14 @@ def chart(
     Raises
     ------
     InputError
-        The part is unknown, or an entry of `instruments` is not used for this part.
+        The part is unknown.
     """
     result: SpeedChart = _study(part, "chart")(progress)
     return result
 
 
-def stability(
-    part: StablePart, *, instruments: Instruments = (), progress: Progress = quiet
-) -> StabilityMap:
-    """Return maps of the conditions under which the numerical methods of a part are valid.
+def stability(part: StablePart, *, progress: Progress = quiet) -> StabilityMap:
+    """Return maps of the conditions under which numerical methods are valid.
 
     Each cell of a map has a state, such as good, inaccurate or unstable. In the maps of the
     collision, a cell is marked as refused if the program rejects its settings.
@@ -52,10 +45,6 @@ def stability(
     ----------
     part
         Part of the laboratory: ``collision`` or ``camera``.
-    instruments
-        Instruments and rigs with changed values, used instead of the catalog entries.
-
-        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a message that names the current task. If it is not given, the
         functions of `virtual_lab` and the commands show the progress on stderr.
@@ -63,7 +52,7 @@ def stability(
     Raises
     ------
     InputError
-        The part is unknown, or an entry of `instruments` is not used for this part.
+        The part is unknown.
     """
     result: StabilityMap = _study(part, "stability")(progress)
     return result

@@ -170,11 +170,12 @@ def listed_rows(rows: Sequence[Mismatch]) -> list[str]:
 
 
 def verify(folder: ResultFolder, *, key: File | None = None) -> Verification:
-    """Check a result folder: reduce its records again, and list the differences.
+    """Check a result folder.
 
-    The certificate and the other files are compared too. Of the truth, only the digest is compared.
-    The exit code is 3 if anything was altered. It is 4 if a part could not be checked, or if
-    another version made the folder and this version computes other results from its records.
+    Its records are reduced again, and differences are listed. The certificate and the other files
+    are compared too. Of the truth, only the digest is compared. The exit code is 3 if anything was
+    altered. It is 4 if a part could not be checked, or if another version made the folder and this
+    version computes other results from its records.
 
     Parameters
     ----------

@@ -69,7 +69,10 @@ def _leave(code: int, message: str) -> None:
 @click.command("completion")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
-    """Print the completion script for a SHELL. Source the script from the shell's startup file."""
+    """Print a completion script.
+
+    It is that of a SHELL. Source it from the shell's startup file.
+    """
     from click.shell_completion import get_completion_class
 
     script = get_completion_class(shell)
@@ -81,12 +84,7 @@ def completion(shell: str) -> None:
 def _program(context: click.Context) -> None:
     """Certify baseball bats in a simulated laboratory, and study its tests.
 
-    Exit codes: 0 finished, whatever the verdict; 1 a bug in this program; 2 bad input; 3 files were
-    changed (score, verify); 4 parts are missing (campaign, a PDF of certify), or not all could be
-    checked (verify); 130 and 143 interrupted by Ctrl-C and SIGTERM.
-
-    Symbols: e restitution of ball and bat, e0 of the ball on a wall, e_A collision efficiency,
-    r recoil factor, BPF = e/e0, v_f batted-ball speed, u standard uncertainty.
+    virtual-lab COMMAND --help has options and an example.
     """
     context.with_resource(parameters_named(shell_name))
     if context.invoked_subcommand is None:

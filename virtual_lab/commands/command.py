@@ -38,8 +38,6 @@ class Command:
         Arguments of an example, without the command's name.
     question
         Question that the command answers, if many users ask it.
-    fixed
-        Arguments that the command sets itself.
     options
         Positional parameters that are options of the command.
     saving
@@ -56,7 +54,6 @@ class Command:
     place: str | tuple[str, str] = field(default="", kw_only=False)
     example: str = ""
     question: str = ""
-    fixed: Mapping[str, Any] = field(default_factory=dict)
     options: Sequence[str] = ()
     saving: str = ""
     output: Output = DRAWN
@@ -108,7 +105,7 @@ class Command:
     @cached_property
     def parameters(self) -> Mapping[str, ParameterDescription]:
         """The parameters that a user may set, by their names in Python."""
-        left_out = (*HIDDEN, self.output.into, *self.fixed)
+        left_out = (*HIDDEN, self.output.into)
         every = {**self.description.parameters, **self.saved_by}
         return {key: each for key, each in every.items() if key not in left_out}
 

@@ -50,7 +50,7 @@ def python_line(call: Call) -> str:
     """
     command, output = call.command, call.command.output
     target = call.values.get("out") or check_target(call)
-    given = {**command.fixed, **call.part(command.parameters)}
+    given = call.part(command.parameters)
     given |= {output.into: target} if output.into else {}
     if command.public_name:
         first, function = "import virtual_lab as vl", f"vl.{command.public_name}"

@@ -56,11 +56,11 @@ def day(
     out: Folder | None = None,
     progress: Progress = quiet,
 ) -> RehearsedDay | StudyResult | Answer:
-    """Carry out a test day action by action, and learn the cost of each decision.
+    """Carry out a test day, action by action.
 
-    You do this on a page in the browser (needs the extra 'bench'). A simulated operator or a script
-    can do it for you. The option --out of the command then saves the log, the sealed truth and the
-    debrief (debrief.html).
+    You learn the cost of each decision. You do this on a page in the browser (needs the extra
+    'bench'). A simulated operator or a script can do it for you. The option --out of the command
+    then saves the log, the sealed truth and the debrief (debrief.html).
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ def carry_out(call: Call, progress: Progress) -> CallOutcome:
     given = {key: value for key, value in call.part(command.parameters).items() if key not in how}
     ours = {output.into: target, "out": target, PROGRESS: progress}
     more = {key: value for key, value in ours.items() if key in command.description.parameters}
-    result = command.function(**command.fixed, **given, **more)
+    result = command.function(**given, **more)
     result = replace(result, **how) if how else result
     words = f"virtual-lab {command.name} --config {SETTINGS}"
     result = with_settings(result, words, given | how, sealed=command.name in SEALED)

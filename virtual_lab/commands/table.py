@@ -123,7 +123,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
         Command("daily", example="--days 12 --baseline 6", output=replace(CHARTED, folder="daily")),
         Command(
             "campaign",
-            words="Test bats in very many laboratories; store one row per test, no certificate.",
+            words="Test bats in very many laboratories.",
             variants=(
                 Command(
                     "campaign run",
@@ -132,11 +132,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
                     output=Output(into="folder"),
                 ),
                 Command(
-                    "campaign resume",
-                    "campaign",
-                    example="campaign",
-                    fixed={"study": None},
-                    output=PRINTED,
+                    "campaign resume", (CAMPAIGN, "resume"), example="campaign", output=PRINTED
                 ),
                 Command("campaign check", (CAMPAIGN, "check"), example="campaign", output=PRINTED),
                 Command(
@@ -150,7 +146,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             "track",
             example="clip.mp4 --ball 73mm --phone",
             question="How fast is the ball in my clip?",
-            output=Output(folder=_beside_the_clip),
+            output=Output(folder=_beside_the_clip, picture=True),
         ),
         Command(
             "calibrate",
@@ -164,8 +160,24 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
         ),
     ),
     "Speed and accuracy": (
-        Command("chart", example="motion", output=replace(CHARTED, folder="chart-{part}")),
-        Command("stability", example="camera", output=replace(CHARTED, folder="stability-{part}")),
+        Command(
+            "model",
+            words="Compare the models of the simulation.",
+            variants=(
+                Command(
+                    "model chart",
+                    "chart",
+                    example="motion",
+                    output=replace(CHARTED, folder="chart-{part}"),
+                ),
+                Command(
+                    "model stability",
+                    "stability",
+                    example="camera",
+                    output=replace(CHARTED, folder="stability-{part}"),
+                ),
+            ),
+        ),
     ),
 }
 

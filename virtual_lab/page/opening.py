@@ -19,10 +19,10 @@ STEP = 0.2  # time between two looks [s]
 
 
 def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress = quiet) -> Answer:
-    """Open a page in the browser with a form for every command (needs the extra ``bench``).
+    """Open a page with a form per command.
 
-    Only this computer can open the page. It ends by its button, by Ctrl-C, or when it was not used
-    for 30 minutes and no run is in progress.
+    It opens in the browser and needs the extra ``bench``. Only this computer can open the page. It
+    ends by its button, by Ctrl-C, or when it was not used for 30 minutes and no run is in progress.
 
     Parameters
     ----------

@@ -36,9 +36,7 @@ from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
 PACKAGE = "virtual_lab.page"
-CHECKS = ("chart", "stability")  # commands that check this program
-HIDDEN = ("open", *CHECKS)  # commands that no other section shows
-LAST = "Checks of this program"
+HIDDEN = ("open",)  # commands that the page does not show
 SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows
 
 
@@ -70,7 +68,6 @@ class Page:
         for title, rows in SECTIONS.items():
             every = [each for row in rows for each in (row, *row.variants) if not each.words]
             sections[title] = [each for each in every if each.name not in HIDDEN]
-        sections[LAST] = [self.commands[name] for name in CHECKS]
         self.runs.adopt()
         size = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
         asks = "quit" in request.query_params

@@ -62,12 +62,13 @@ def bias(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Biases:
-    """Show the systematic error of the method: measured minus true value without randomness.
+    """Show the error of the method alone.
 
-    The table has one row per bat in the catalog and one column per quantity, such as
-    ``restitution_bias``. An entry is None if the test of the bat gave no result, for example if a
-    scan has no maximum. If the procedure converts the metric to a standard ball, ``formula_error``
-    is the metric by this formula minus that of the bat struck by the standard ball, both true.
+    It is the measured minus the true value, without randomness. The table has one row per bat in
+    the catalog and one column per quantity, such as ``restitution_bias``. An entry is None if the
+    test of the bat gave no result, for example if a scan has no maximum. If the procedure converts
+    the metric to a standard ball, ``formula_error`` is the metric by this formula minus that of the
+    bat struck by the standard ball, both true.
 
     Parameters
     ----------

@@ -164,10 +164,11 @@ def coverage(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> CoverageTable:
-    """Show the coverage of the 95 % intervals over many laboratories.
+    """Show how often the intervals hold.
 
-    One bat design is certified in each laboratory. The table has one row per quantity, the metric
-    first. INVALID tests have no result and are counted separately.
+    This is the coverage of the 95 % intervals, over many laboratories. One bat design is certified
+    in each laboratory. The table has one row per quantity, the metric first. INVALID tests have no
+    result and are counted separately.
 
     Results of two bats with the same seed are not independent: their errors, in units of the
     standard uncertainty u, have a correlation of 0.98.

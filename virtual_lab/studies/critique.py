@@ -229,9 +229,10 @@ def critique(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Critique:
-    """Show which test procedures rank bats in the same order as play on the field.
+    """Compare procedures with play.
 
-    A bat is tested whatever its construction, also if a procedure requires no test of it.
+    A procedure should rank bats in the same order as play on the field. A bat is tested whatever
+    its construction, also if a procedure requires no test of it.
 
     Parameters
     ----------

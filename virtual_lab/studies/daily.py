@@ -201,7 +201,9 @@ def daily(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Daily:
-    """Simulate the daily checks of one laboratory and compute their control charts.
+    """Draw control charts of daily checks.
+
+    The checks of one laboratory are simulated.
 
     Parameters
     ----------

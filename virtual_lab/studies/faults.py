@@ -164,7 +164,9 @@ def faults(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> FaultTable:
-    """Simulate faults in many laboratories, and compare detection and bias with predictions.
+    """Show which faults are noticed.
+
+    Each fault is simulated in many laboratories. Detection and bias are compared with predictions.
 
     Parameters
     ----------

@@ -29,9 +29,10 @@ class ShelfEntry:
 
 
 def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
-    """List the catalog: bats, balls, procedures, instruments, rigs, conditions, faults.
+    """List bats and other data sheets.
 
-    The list has all rigs installed on this computer, including rigs of other packages.
+    These are the entries of the catalog: bats, balls, procedures, instruments, rigs, conditions and
+    faults. The list has all rigs installed on this computer, including rigs of other packages.
 
     Parameters
     ----------
@@ -189,7 +190,9 @@ class ShownText:
 
 
 def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate | ShownText:
-    """Show a certificate, or a catalog entry with the unit and source of every number.
+    """Show a data sheet or a certificate.
+
+    A data sheet is an entry of the catalog, with unit and source of every number.
 
     Parameters
     ----------

@@ -133,11 +133,11 @@ def operating(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> OperatingCurves:
-    """Show the probability that a bat passes, as a function of its true metric.
+    """Show the probability of PASS.
 
-    Each laboratory makes three tests of a bat. The table has the probability that one test passes,
-    and the probability that at least one of three tests passes. The text ends with the answers for
-    a bat at the limit, and 1, 2 and 5 % over it.
+    It is a function of the true metric of the bat. Each laboratory makes three tests of a bat. The
+    table has the probability that one test passes, and the probability that at least one of three
+    tests passes. The text ends with the answers for a bat at the limit, and 1, 2 and 5 % over it.
 
     For each true metric a variant of the bat is simulated that has this metric. A wood bat gets
     another modulus of elasticity. A hollow bat gets a thinner wall for a larger metric, and a

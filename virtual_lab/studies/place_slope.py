@@ -67,10 +67,11 @@ def slope(
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
 ) -> Slopes:
-    """Show the slope of e_A along the barrel [1/in] at the impact position of a procedure.
+    """Show the slope of e_A.
 
-    There is one row per bat, then one row for the mean and one for the standard deviation over the
-    bats. Bats and ball have their nominal values. The procedure states the ball speed.
+    It is the slope along the barrel [1/in] at the impact position of a procedure. There is one row
+    per bat, then one row for the mean and one for the standard deviation over the bats. Bats and
+    ball have their nominal values. The procedure states the ball speed.
 
     Parameters
     ----------

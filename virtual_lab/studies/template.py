@@ -51,12 +51,13 @@ MEASURED = {  # quantities read in channels of the bench
 
 
 def template(procedure: AnyForm, folder: NewFolder) -> Path:
-    """Write empty record forms of a procedure into a new folder, for another laboratory.
+    """Write empty record forms.
 
-    If `procedure` is ``laboratory``, only a template for the file of particulars (laboratory,
-    customer, bat) for ``certify`` is written. If `procedure` is ``prices``, only a template for the
-    file of prices for ``plan`` is written. If an error is raised, no partial files are left. The
-    path of the folder or file is returned.
+    The forms are those of a procedure, for another laboratory, in a new folder. If `procedure` is
+    ``laboratory``, only a template for the file of particulars (laboratory, customer, bat) for
+    ``certify`` is written. If `procedure` is ``prices``, only a template for the file of prices for
+    ``plan`` is written. If an error is raised, no partial files are left. The path of the folder or
+    file is returned.
 
     Parameters
     ----------

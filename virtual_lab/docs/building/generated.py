@@ -125,7 +125,7 @@ def commands() -> Iterator[tuple[str, str]]:
     """
     parts = [
         "# Commands\n",
-        "Every command also has `--help`. The exit codes are those of the README.\n",
+        "Every command also has `--help`. [Exit codes](../how-do-i.md#read-the-exit-codes).\n",
     ]
     for section, members in cli.sections.items():
         parts.append(f"## {section}\n")

@@ -97,7 +97,7 @@ class LawTable(Rows[LawRow]):
 
 
 def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
-    """Show the effect of the ball's force law on the results of a bat.
+    """Show the effect of the ball's force law.
 
     The table has one row per force law. It has the contact time [ms] and the largest force [kN] of
     the ball on a wall. It also has the largest bat-ball restitution e, bat performance factor BPF,

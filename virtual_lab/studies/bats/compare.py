@@ -151,7 +151,7 @@ def profile(
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
 ) -> BatProfile | BatComparison:
-    """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
+    """Show e_A, v_f and more along the barrel.
 
     e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
     batted-ball speed. For one bat, the result has curves, modal frequencies and nodes. For several

@@ -182,7 +182,9 @@ def fit_bat(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
-    """Fit a bat to the measurements in a file, and show its remaining uncertainty.
+    """Fit a bat to measurements.
+
+    The table has the uncertainty that remains.
 
     Parameters
     ----------

@@ -106,7 +106,7 @@ def interlab(
     laboratory: AnyLaboratory | None = None,
     progress: Progress = quiet,
 ) -> Interlab:
-    """Compare laboratories: repeatability, reproducibility, and their causes.
+    """Show how far laboratories differ.
 
     In each exercise, several laboratories test the same bat with several lots of balls. The table
     has the standard deviations of repeats, lots and laboratories (ISO 5725-2). It also has the

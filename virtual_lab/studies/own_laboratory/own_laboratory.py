@@ -129,13 +129,14 @@ class OwnLaboratory(StudyResult):
 
 
 def laboratory(folders: TestFolders) -> OwnLaboratory:
-    """Make the data sheets of a laboratory from its records: its instruments, rigs and ball.
+    """Make data sheets of your own laboratory.
 
-    The sheets state the values and standard uncertainties of the certificates in the records, and
-    the scatter that the readings show. Simulated hits at wall and bat scatter as those of the
-    records. For each test, its u is compared with the rms of u over simulated tests. What the
-    records do not state stays as in the catalog. Save the result in a folder, and hand this folder
-    to the other studies as their laboratory. Only records are read, never the sealed true values.
+    They are those of its instruments, rigs and ball, made from its records. The sheets state the
+    values and standard uncertainties of the certificates in the records, and the scatter that the
+    readings show. Simulated hits at wall and bat scatter as those of the records. For each test,
+    its u is compared with the rms of u over simulated tests. What the records do not state stays as
+    in the catalog. Save the result in a folder, and hand this folder to the other studies as their
+    laboratory. Only records are read, never the sealed true values.
 
     Parameters
     ----------

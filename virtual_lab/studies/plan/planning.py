@@ -98,12 +98,13 @@ def plan(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> LaboratoryPlans:
-    """Find the cheapest way to reach an uncertainty: instruments, hits, balls, wall hits.
+    """Find the cheapest way to an uncertainty.
 
-    The table has the present laboratory and at most ten plans that should reach the target. It also
-    has the cheapest single change of the present laboratory, if one is enough. The first plan is
-    the one with the fewest minutes, or the lowest price if `prices` is given, that reaches the
-    target by simulation. Then come plans that are equal to it, then dearer ones.
+    Instruments and the numbers of hits, balls and wall hits are varied. The table has the present
+    laboratory and at most ten plans that should reach the target. It also has the cheapest single
+    change of the present laboratory, if one is enough. The first plan is the one with the fewest
+    minutes, or the lowest price if `prices` is given, that reaches the target by simulation. Then
+    come plans that are equal to it, then dearer ones.
 
     A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
     procedure, rounded. Numbers between these are not tried. A plan may exchange up to eight

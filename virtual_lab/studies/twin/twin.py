@@ -171,14 +171,14 @@ def twin(
     laboratory: AnyLaboratory | None = None,
     progress: Progress = quiet,
 ) -> Twin:
-    """Simulate a laboratory's test day again from its records, and check its stated uncertainty.
+    """Check the stated u of a test day.
 
-    The first table has one row per quantity, the metric first. It compares the stated u with the
-    standard deviation of the errors of many simulated days. The second table has at most three
-    changes of the laboratory, those with the largest reduction of u. A change halves the u of one
-    instrument, or doubles the number of hits, balls or wall hits. The third table compares readings
-    of the records with the same readings on the simulated days, to find unusual ones. Only records
-    are read, never the sealed true values.
+    The day is simulated again from its records. The first table has one row per quantity, the
+    metric first. It compares the stated u with the standard deviation of the errors of many
+    simulated days. The second table has at most three changes of the laboratory, those with the
+    largest reduction of u. A change halves the u of one instrument, or doubles the number of hits,
+    balls or wall hits. The third table compares readings of the records with the same readings on
+    the simulated days, to find unusual ones. Only records are read, never the sealed true values.
 
     Parameters
     ----------
