@@ -657,6 +657,6 @@ def test_a_notebook_shows_what_the_text_says(tmp_path: Path) -> None:
     shown = vl.shelf("bats")._repr_html_()
     assert "<td>r161</td>" in shown
     vl.certify("r161", seed=7).save(tmp_path / "out")
-    assert "<pre>whole\n" in vl.verify(tmp_path / "out")._repr_html_()
+    assert "<pre>whole: no file was changed\n" in vl.verify(tmp_path / "out")._repr_html_()
     risks = vl.risk(vl.Input(0.230, 0.004), 0.0014, upper=0.235)
     assert "consumer's risk" in repr(risks)

@@ -25,6 +25,7 @@ from virtual_lab.api.describing import first_line
 from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.commands.command import Command
+from virtual_lab.commands.output import PRINTED
 from virtual_lab.commands.table import every_command
 from virtual_lab.errors import InputError
 from virtual_lab.sheets import settings_text
@@ -307,7 +308,7 @@ def test_a_rule_follows_from_the_annotation_of_another_package(
     """Choices, numbers, lists and paths have a rule; a command of another type is refused."""
     (tmp_path / "sided.py").write_text(TYPED)
     monkeypatch.syspath_prepend(tmp_path)
-    row = Command("sides", ("sided", "sides"))
+    row = Command("sides", ("sided", "sides"), output=PRINTED)
     row.require_rules()
     command = FunctionCommand(row)
     values = command.make_context("sides", ["left", "2", "3e1", "--file", "a.csv"]).params
