@@ -20,8 +20,7 @@ def chart(part: ChartedPart, *, progress: Progress = quiet) -> SpeedChart:
     Parameters
     ----------
     part
-        Part of the laboratory: ``collision``, ``motion``, ``camera``, ``uncertainty`` (methods to
-        propagate uncertainty) or ``laboratory`` (all parts of a test).
+        Part of the laboratory: ``collision``, ``motion`` or ``camera``.
     progress
         Function that is called with a message that names the current task. If it is not given, the
         functions of `virtual_lab` and the commands show the progress on stderr.

@@ -69,11 +69,6 @@ def camera_chart(
     return SpeedChart(
         name="camera",
         title="Locating the ball: error against time per frame",
-        words="Rms errors along an axis for positions spread evenly over a pixel; radius 30 px, "
-        "shift during the exposure 2 px, contrast 96 times the noise of a pixel. The limit is the "
-        "Cramér-Rao bound of a plain ball, the smallest error of an unbiased method. A ring marks "
-        "a method that flags these pictures. A method that does not find the ball in more than "
-        "half of them is not drawn.",
         rows=rows,
         figure=draw_camera,
     )

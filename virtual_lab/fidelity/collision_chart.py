@@ -137,12 +137,6 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
     return SpeedChart(
         name="collision",
         title="Collision models: error against time, R161, 2 to 12 in, 60 to 160 mph",
-        words="Largest error of e_A against the time per shot on one core. Left: total error of a "
-        "collision model; reference: 120 modes. Right: error of the integration alone; reference: "
-        "the same 20 modes with steps twelve times smaller. Dashed line: a tenth of the u of e_A "
-        "on a certificate; the fastest model below it is used. Solid ring: the error exceeds u "
-        "somewhere between tip and knob, without a warning. Dotted ring: the model refuses some "
-        "scenes there.",
         rows=rows,
         figure=draw_collision,
     )

@@ -139,8 +139,6 @@ def motion_chart(
     return SpeedChart(
         name="motion",
         title="Models of the motion",
-        words="Rms errors over starts spread evenly over a step: of e_A, of the velocity of the "
-        "ball, and of the angular rate of the bat. Errors below 1e-16 are drawn at 1e-16.",
         rows=rows,
         figure=draw_motion,
     )

@@ -11,9 +11,9 @@ reference is Monte Carlo with 134 million trials.
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from virtual_lab.catalog.reading import DATA
+import virtual_lab as vl
 
-table = pd.read_csv(DATA / "uncertainty/methods.csv")
+table = pd.read_csv(f"{vl.__path__[0]}/docs/tables/methods.csv")
 error = table[["low_error", "high_error"]].max(axis=1)
 figure, axes = plt.subplots(figsize=(4.8, 4.2))
 for model, rows in table.groupby("model", sort=False):
