@@ -96,7 +96,12 @@ def test_seed_and_workers_are_folded(visitor: Visitor) -> None:
         ("plan", [("procedure", "bbcor")], "target_u", "Fill in this field."),
         ("operating", [("laboratories", "many")], "laboratories", "“many” cannot be used."),
         ("certify", [("bat", "r161"), ("seed", "-1")], "seed", "Allowed: a whole number from 0"),
-        ("track", [("clip", "a.mp4"), ("ball", "73")], "ball", "“73” cannot be used."),
+        (
+            "track",
+            [("clip", "a.mp4"), ("ball", "73")],
+            "ball",
+            "Allowed: a diameter with its unit, e.g. 73mm",
+        ),
     ],
 )
 def test_a_refused_value_stands_beside_its_field(

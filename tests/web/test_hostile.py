@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 
@@ -116,6 +119,35 @@ def test_uploads_are_stored_once_and_offered(visitor: Visitor) -> None:
     ]
     assert f'value="{uploads / "ball.mp4"}"' in visitor.ask("/form/track").text
     assert f'value="{uploads / "records"}"' in visitor.ask("/form/reduce").text
+
+
+def test_a_full_disk_is_one_sentence(visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither an upload nor a run leaves a file or a folder of a run."""
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    upload = json.loads(visitor.ask("/upload?name=a.mp4", b"data").body)["fault"]
+    assert upload == "The file cannot be stored: No space left on device."
+    answer = visitor.submit("show", [("name", "r161")])
+    assert answer.status == 422
+    assert "cannot be written (No space left on device)" in answer.words
+    assert visitor.page.runs.all() == []
+    left = [path for path in visitor.page.folder.rglob("*") if path.name not in ("runs", "uploads")]
+    assert left == []
+
+
+def test_twenty_strangers_disturb_nobody(visitor: Visitor) -> None:
+    """Also with the address that the owner has used; his own page is served meanwhile."""
+    stranger = Visitor(visitor.page.folder, enters=False)
+    stranger.door = visitor.door
+    with ThreadPoolExecutor(20) as pool:
+        answers = list(pool.map(lambda _: stranger.ask("/").status, range(20)))
+        assert answers == [403] * 20
+        assert visitor.ask("/").status == 200
+        path = f"/?token={TOKEN}"  # which was used
+        assert set(pool.map(lambda _: stranger.ask(path).status, range(20))) == {403}
 
 
 def test_only_clips_of_the_folder_are_shown(visitor: Visitor) -> None:

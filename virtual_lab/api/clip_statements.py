@@ -214,7 +214,8 @@ BallOrDiameter = Annotated[
     AnyEntry,
     ParameterRule(
         read=_ball,
-        allowed=f"a diameter with its unit, e.g. '73mm±0.5mm', or {KIND.allowed}",
+        allowed="a diameter with its unit, e.g. '73mm±0.5mm', or the name or .toml file of a ball",
+        python=", or a sheet, vl.ball(…)",
         complete=KIND.complete,
         metavar="BALL|DIAMETER",
         kind="name",

@@ -92,7 +92,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
     "Bats and the catalog": (
         Command("list", "shelf", example="bats", output=TABLE),
         Command("show", example="r161", output=PRINTED),
-        Command("profile", question="Which bat hits harder?", example="r161 ea70 --swing 0.3"),
+        Command("profile", question="Which bat hits harder?", example="r161 ea70"),
         Command(
             "fit-bat",
             example="measured.toml --out mine.toml",

@@ -19,7 +19,7 @@ from virtual_lab.commands.command import Command
 from virtual_lab.commands.output import LONGEST_NAME
 from virtual_lab.commands.running import check_target
 from virtual_lab.errors import InputError
-from virtual_lab.files import first_free, parse_toml, read_text
+from virtual_lab.files import first_free, new_folder, parse_toml, read_text
 from virtual_lab.page.fields import RUNS, is_new, offered, texts
 from virtual_lab.page.working import (
     BLANK,
@@ -107,10 +107,8 @@ class Runs:
             number = self._next()
             values = {**values, **self._places(command, values, new, number)}
             check_target(bind(command, values))
-            path = self._folder(number)
-            path.mkdir(parents=True)
             call = {"command": command.name, "values": values, "began": time.time()}
-            write_json(path / CALL, call)
+            path = self._store(number, {CALL: call})
             self.workers[number] = Worker(f"run {number}")
         run = StartedRun(path, True)
         Thread(target=self._carry_out, args=(run,), daemon=True).start()
@@ -135,10 +133,16 @@ class Runs:
         values = parse_toml(read_text(settings), str(settings)) if settings.exists() else {}
         name = "certify" if (result / "truth").is_dir() else "reduce"
         call = {"command": name, "values": values, "began": certificate.stat().st_mtime}
-        path = self._folder(self._next())
-        path.mkdir(parents=True)
-        write_json(path / OUTCOME, outcome)
-        write_json(path / CALL, call)
+        self._store(self._next(), {OUTCOME: outcome, CALL: call})
+
+    def _store(self, number: int, documents: Mapping[str, Any]) -> Path:
+        """Write the documents of a run into its new folder, all of them or none."""
+        path = self._folder(number)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with new_folder(path) as draft:
+            for name, document in documents.items():
+                write_json(draft / name, document)
+        return path
 
     def _next(self) -> int:
         return max([0, *(int(each.name) for each in self._folders())]) + 1

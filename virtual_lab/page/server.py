@@ -117,8 +117,6 @@ class Page:
             return self.form(command, form, refused)
         except InputError as fault:
             return self.form(command, form, dict([refusal(command, fault)]))
-        except OSError as fault:
-            return self.form(command, form, {"": f"Nothing can be stored: {fault.strerror}."})
         return RedirectResponse(f"/run/{run.number}", status_code=303)
 
     def _sentence(self, command: Command, key: str, form: Mapping[str, Sequence[str]]) -> str:

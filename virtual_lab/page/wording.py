@@ -42,7 +42,8 @@ def plain(words: str, title: str = "") -> str:
     sentences = re.split(r"(?<=[.:]) (?=[A-Z`])", HERE.sub("", paragraph))
     kept = " ".join(each for each in sentences if not CODE.search(each))
     kept = re.sub(r"``(.*?)``|`~?(.*?)`", _name, kept).strip()
-    return "" if kept.strip(".").lower() in (title.lower(), f"the {title.lower()}") else kept
+    named = kept.strip(".").lower().removeprefix("the ")
+    return "" if title.lower() in (named, f"{named}s") else kept
 
 
 def notes(each: ParameterDescription, choices: Collection[object]) -> str:
@@ -63,8 +64,8 @@ def limits(rule: ParameterRule) -> str:
     """Return the allowed values of a rule as words on the page; may be empty."""
     if rule.kind == "number":
         return rule.limits
-    stated = rule.kind == "text" and rule.metavar != "TEXT" and "vl." not in rule.allowed
-    return rule.allowed.replace("'", "") if stated else ""
+    words = rule.kind in ("text", "name") and rule.metavar != "TEXT"
+    return rule.allowed.replace("'", "") if words and "vl." not in rule.allowed else ""
 
 
 def _name(match: re.Match[str]) -> str:

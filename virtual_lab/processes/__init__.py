@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from queue import SimpleQueue
-from subprocess import PIPE, Popen
+from subprocess import DEVNULL, PIPE, Popen
 from threading import Lock
 from typing import Any, Protocol, TypeVar, cast
 
@@ -52,8 +52,9 @@ class Worker:
             if self.dismissed:
                 raise WorkerLostError("its worker was dismissed")
             if self.process is None:
+                told = None if sys.stderr else DEVNULL  # a program with windows alone has no stderr
                 self.process = Popen(
-                    self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE
+                    self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE, stderr=told
                 )
             calls, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 import time
@@ -39,7 +40,8 @@ def listen(family: int, address: tuple[Any, ...]) -> socket.socket:
     """Return a socket at an address. Raises `InputError` if the port cannot be used."""
     # without the protocol an answer in two parts takes 40 ms
     listener = socket.socket(family, proto=socket.IPPROTO_TCP)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if os.name == "posix":  # on Windows it would let another program take the port
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(address)
     except OSError as fault:
