@@ -118,6 +118,14 @@ def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None
     assert "1 more" in visitor.ask("/").words
 
 
+def test_forms_that_were_filled_in_lead_to_their_certificate(visitor: Visitor) -> None:
+    page = finish(visitor, "template", [("procedure", "astm-f1881")]).text
+    forms = visitor.page.folder / "template-astm-f1881"
+    assert f">Empty, to fill in: {forms}<" in page
+    assert f'href="/form/reduce?records={quote(str(forms))}"' in page
+    assert "/form/score" not in page
+
+
 def test_the_sealed_truth_leaves_only_if_ticked(visitor: Visitor) -> None:
     """A run of a folder with a truth, written by hand: its page, its files and its zip."""
     made, home = visitor.page.folder / "r161", visitor.page.folder / "runs" / "0001"

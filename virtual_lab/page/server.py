@@ -25,6 +25,7 @@ from virtual_lab.commands.table import SECTIONS, every_command
 from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import InputError
 from virtual_lab.files import inside
+from virtual_lab.files.folders import folder_kind
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
 from virtual_lab.page.clips import clip_size, frame_picture
@@ -137,7 +138,7 @@ class Page:
             command=self.commands[run.call["command"]],
             files=[name for name, path in run.files.items() if "truth" not in path.parts],
             target=target,
-            certified=(Path(target) / "certificate.json").is_file(),
+            kind=folder_kind(Path(target)) if target else "",
             sealed=(Path(target) / "truth" / "truth.json").is_file(),
             comparable=len([*offered(self.folder, ("result",), ())]) > 1,
         )

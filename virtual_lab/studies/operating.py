@@ -227,7 +227,8 @@ def operating(
         answers.append(_answers(one, best, limits[rules.name], accepted))
         limit_chance, *others = (_best_of(1, row) for row in one[: len(OVER)])
         over = (
-            f", {of - 1:.0%} over it {chance}" for of, chance in zip(OVER[1:], others, strict=True)
+            f", {100 * (of - 1):.0f} % over it {chance}"
+            for of, chance in zip(OVER[1:], others, strict=True)
         )
         titles.append(
             f"a bat at the limit of {rules.name} passes one test with a probability of "
