@@ -193,6 +193,13 @@ def student(page: Any, folder: Path, tmp_path_factory: pytest.TempPathFactory) -
     assert green[1] > green[0] + 100
     drag(page, (100, 70))
     assert values(page, "ball_at") == [100, 70, 3]
+    page.fill("[name=ball]", "73")
+    page.click("button.main")
+    page.wait_for_selector("[name=ball][aria-invalid]:focus")
+    shows(page, 3)  # the frame is kept
+    page.select_option("[data-fills=f-ball]", index=1)
+    assert page.input_value("[name=ball]") == page.input_value("[data-fills=f-ball]") != ""
+    page.fill("[name=ball]", "")
     page.check("[value=scale]")
     drag(page, (40, 20), (240, 20))
     page.fill("[data-length]", "100 cm")

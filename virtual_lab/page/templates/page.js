@@ -175,6 +175,7 @@ if (panel) {
     put("frames", ends.join(":"));
   }));
   form.addEventListener("input", () => size && draw());
+  form.addEventListener("submit", () => { sessionStorage[chosen.value] = slide.value; }); // kept if a field is refused
   if (track) form.addEventListener("submit", async event => {
     event.preventDefault();
     const lines = [COLUMNS, ...rows.map(row => COLUMNS.map(name => row[name] ?? ""))];
@@ -192,7 +193,7 @@ if (panel) {
     size = await answer.json();
     [cross, slide.max] = [[size.width / 2, size.height / 2].map(Math.round), size.count - 1];
     Object.assign(stage.style, { aspectRatio: size.width / size.height, maxWidth: `${75 * size.width / size.height}vh` });
-    if (track) slide.value = rows[0].frame;
+    slide.value = track ? rows[0].frame : sessionStorage[chosen.value] ?? 0;
     [panel.inert, words.textContent, picture.dataset.frame] = [false, "", ""];
     step();
   };
