@@ -64,7 +64,7 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
         f"a bat at the limit of {TIGHT.name} passes one test with a probability of"
     )
     chances = [100 * row.pass_probability for row in points(found, 1)[POINTS:]]
-    assert re.findall(r"([\d.]+) ± ", first) == [f"{chance:.1f}" for chance in chances]
+    assert re.findall(r"([\d.]+) ± ", first) == [f"{chances[i]:.1f}" for i in (0, -1)]
     for one, best in zip(points(found, 1)[POINTS:], points(found, 3)[POINTS:], strict=True):
         p = one.pass_probability
         band = stats.binomtest(round(p * LABORATORIES), LABORATORIES).proportion_ci()

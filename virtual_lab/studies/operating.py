@@ -225,14 +225,10 @@ def operating(
         count = POINTS + len(further)
         one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
         answers.append(_answers(one, best, limits[rules.name], accepted))
-        limit_chance, *others = (_best_of(1, row) for row in one[: len(OVER)])
-        over = (
-            f", {100 * (of - 1):.0f} % over it {chance}"
-            for of, chance in zip(OVER[1:], others, strict=True)
-        )
+        at_limit, *_, over_it = (_best_of(1, row) for row in one[: len(OVER)])
         titles.append(
-            f"a bat at the limit of {rules.name} passes one test with a probability of "
-            f"{limit_chance}{''.join(over)}"
+            f"a bat at the limit of {rules.name} passes one test with a probability of {at_limit}, "
+            f"{100 * (OVER[-1] - 1):.0f} % over it with {over_it}"
         )
         bat_spec = round_robin.setup.bat.spec
         if exempt := exemption(rules, bat_spec.construction or ""):
