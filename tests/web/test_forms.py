@@ -130,6 +130,7 @@ def test_folders_and_files_of_the_user_are_offered(tmp_path: Path) -> None:
     for name in (
         "result/certificate.json",
         "result/settings.toml",
+        "reduced/certificate.json",
         "other/a.txt",
         "mine.toml",
         "result/truth/seal.json",
@@ -140,6 +141,8 @@ def test_folders_and_files_of_the_user_are_offered(tmp_path: Path) -> None:
     visitor = Visitor(tmp_path)
     assert f'value="{tmp_path / "result"}"' in visitor.ask("/form/score").text
     assert str(tmp_path / "other") not in visitor.ask("/form/score").text
+    assert str(tmp_path / "reduced") not in visitor.ask("/form/score").text
+    assert str(tmp_path / "reduced") in visitor.ask("/form/verify").text
     rehearse = visitor.ask("/form/rehearse").text
     assert ("act.json" in rehearse, "seal.json" in rehearse) == (True, False)
     assert '<option value="plain-day" selected>The plain day' in rehearse

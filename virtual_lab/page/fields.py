@@ -112,7 +112,11 @@ def _kind(
     if rule.kind in ("file", "folder", "clip"):
         endings = () if rule.kind == "folder" else tuple(WORDS["endings"].get(each.name, [".toml"]))
         kinds = () if endings else rule.holds or tuple(KINDS)
-        return "paths" if several else "path", [*offered(folder, kinds, endings)]
+        sealed = "truth" if command.name == "score" else ""  # a result without truth has no score
+        fitting = [
+            each for each in offered(folder, kinds, endings) if Path(each[0], sealed).exists()
+        ]
+        return "paths" if several else "path", fitting
     if rule.kind == "number":
         return "numbers" if several else "number", []
     if rule.kind == "text" or rule.metavar in TYPED:
