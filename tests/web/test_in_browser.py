@@ -22,18 +22,11 @@ from tests.web.test_runs import wait
 from tests.web.visiting import clip_of
 
 LOOKS = [(1280, "light"), (320, "dark")]
-PIXEL = """async ([x, y]) => {
-  const [image, canvas] = [document.querySelector('.stage img'), document.createElement('canvas')];
-  await image.decode();
-  [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
-  canvas.getContext('2d').drawImage(image, 0, 0);
-  return [...canvas.getContext('2d').getImageData(x, y, 1, 1).data];
-}"""
 WHOLE = "document.querySelector('iframe').contentDocument.documentElement"
 
 
 @contextmanager
-def page_of(folder: Path, stop: signal.Signals) -> Iterator[str]:
+def page_of(folder: Path) -> Iterator[str]:
     """Serve the page as a double click does, but without a browser; give its first address."""
     words = "from virtual_lab.__main__ import main_of_page; main_of_page()"
     command = [sys.executable, "-c", words, str(folder), "--no-browser"]
@@ -44,8 +37,8 @@ def page_of(folder: Path, stop: signal.Signals) -> Iterator[str]:
             assert address
             yield address[0]
         finally:
-            server.send_signal(stop)
-            assert server.wait(20) == 128 + stop
+            server.terminate()
+            assert server.wait(20) == 128 + signal.SIGTERM
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(folder: Path) -> Iterator[Any]:
     """Open the start page in a browser. No page has an error, and a kill also ends a run."""
     complaints: list[str] = []
-    with opened() as browser, page_of(folder, signal.SIGTERM) as address:
+    with opened() as browser, page_of(folder) as address:
         page = browser.new_page(viewport={"width": 1280, "height": 900})
         page.set_default_timeout(120_000)
         page.on("pageerror", lambda fault: complaints.append(str(fault)))
@@ -106,9 +99,7 @@ def look(page: Any, *paths: str) -> list[Any]:
 def test_a_coach_by_mouse(page: Any) -> None:
     """From the start page to the certificate, its score, and back."""
     page.click("text=Does this bat pass?")
-    page.get_by_label("Bat (needed)", exact=True).select_option(
-        label="EA70, aluminum, 34 in, 31 oz (ea70)"
-    )
+    page.select_option("[name=bat]", label="EA70, aluminum, 34 in, 31 oz (ea70)")
     page.select_option("[name=procedure]", "bbcor")
     page.get_by_role("button", name="Run").click()
     page.wait_for_selector("iframe")
@@ -116,12 +107,10 @@ def test_a_coach_by_mouse(page: Any) -> None:
     assert page.locator("[href*='/form/report?']").count() == 0  # there is only one
     result = page.url.removeprefix(home(page))
     page.click("text=How far from the truth")
-    page.click("button.main")
-    page.wait_for_selector(".answer:has-text('from the truth')")
-    assert "95 % interval" in page.inner_text("h1")
+    assert page.input_value("[name=folder]").endswith("ea70-bbcor")
     page.click("text=All questions")
-    assert page.inner_text(".runs").count("\n") >= 1
-    assert look(page, "/", result, "/form/certify", "/form/track", "/form/sweep") == []
+    assert "FAIL: e 0." in page.inner_text(".runs")
+    assert look(page, "/", result, "/form/sweep") == []
 
 
 def test_a_rule_maker_by_keyboard(page: Any) -> None:
@@ -189,8 +178,6 @@ def student(page: Any, folder: Path, tmp_path_factory: pytest.TempPathFactory) -
     for _ in range(3):
         page.click("[aria-label='Next frame']")
     shows(page, 3)
-    green = page.evaluate(PIXEL, [100, 70])  # where frame 3 has the ball
-    assert green[1] > green[0] + 100
     drag(page, (100, 70))
     assert values(page, "ball_at") == [100, 70, 3]
     page.fill("[name=ball]", "73")
@@ -229,16 +216,18 @@ def student(page: Any, folder: Path, tmp_path_factory: pytest.TempPathFactory) -
 
 def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path) -> None:
     """By mouse and keyboard; the run is the same as with a file that was corrected by hand."""
+    table = folder / "a-track" / "track.csv"
+    rows = pd.read_csv(table).assign(drift_x_px=5.0)  # as of a camera that moved before
+    rows.to_csv(table, index=False)
     page.goto(home(page) + student)
     shows(page, 0)
     again = page.get_by_role("button", name="Run again")
     assert again.is_disabled()
-    rows = pd.read_csv(folder / "a-track" / "track.csv")
     page.focus(".stage")
     for key in ("PageDown", "Delete", "PageDown", "Shift+ArrowRight", "Shift+ArrowUp", "Enter"):
         page.keyboard.press(key)
     status = page.locator(".clip [role=status]")
-    place = ", ".join(f"{rows[f'{axis}_px'][2] + move:.1f}" for axis, move in (("x", 1), ("y", -1)))
+    place = ", ".join(f"{rows[f'{axis}_px'][2] + move:.1f}" for axis, move in (("x", 6), ("y", -1)))
     assert status.inner_text() == f"Frame 2: the ball at {place} px, flight 1"
     page.click("[aria-label='Previous frame']")
     assert status.inner_text() == "Frame 1: no position"
@@ -250,12 +239,15 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     page.click("text=Remove this position")
     assert status.inner_text() == "Frame 11: no position"
     drag(page, (261, 191))
+    page.fill("[data-flight]", "")
+    assert status.inner_text() == "Frame 11: the ball at 261.0, 191.0 px, outside flights"
+    page.fill("[data-flight]", "1")
     assert look(page, student) == []
     again.click()
     page.wait_for_url(lambda url: url != home(page) + student)
     page.wait_for_selector(".answer:has-text('Fastest')")
     rows.loc[2, ["x_px", "y_px"]] += [1.0, -1.0]
-    rows.loc[11, ["x_px", "y_px"]] = [261.0, 191.0]
+    rows.loc[11, ["x_px", "y_px"]] = [256.0, 191.0]
     rows.drop(index=1).to_csv(folder / "by-hand.csv", index=False)
     clip = folder / "uploads" / "a.avi"
     by_hand = vl.track(
@@ -266,8 +258,3 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     for name in ("speed_in_m_per_s", "speed_out_m_per_s", "acceleration_m_per_s2"):
         (flight,), (expected,) = document["flights"], by_hand.document["flights"]
         assert flight[name] == pytest.approx(expected[name], rel=1e-3)
-
-
-def test_ctrl_c_ends_the_page(tmp_path: Path) -> None:
-    with page_of(tmp_path / "lab", signal.SIGINT):
-        pass

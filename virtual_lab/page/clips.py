@@ -31,13 +31,10 @@ def frame_picture(path: Path, number: int) -> bytes:
 
 
 @lru_cache(maxsize=1)
-def _shape_and_stamps(path: Path, _: int) -> tuple[tuple[int, int], list[float]]:
+def _shape_and_stamps(path: Path, _: int) -> tuple[tuple[int, int], tuple[float, ...]]:
     """Return rows and columns of a clip's frames, and the time stamps of all frames [s]."""
-    shape, stamps = (0, 0), []
-    for frame, stamp in open_source(path).pictures(lambda number: number == 0):
-        shape = shape if frame is None else frame.shape[:2]
-        stamps.append(stamp)
-    return shape, stamps
+    frames, stamps = zip(*open_source(path).pictures(lambda number: number == 0), strict=True)
+    return frames[0].shape[:2], stamps
 
 
 def _state(path: Path) -> int:

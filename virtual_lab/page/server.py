@@ -181,8 +181,8 @@ class Page:
             path = inside(self.folder, str(Path(asked["path"]).resolve()), "clip", "path")
             if "frame" not in asked:
                 return JSONResponse(clip_size(path))
-            number = int(asked["frame"])
-            return Response(frame_picture(path, number), media_type="image/jpeg", headers=KEPT)
+            picture = frame_picture(path, int(asked["frame"]))
+            return Response(picture, media_type="image/jpeg", headers=KEPT)
         except (KeyError, ValueError) as fault:  # includes InputError
             return sentence_page(404, str(fault))
 

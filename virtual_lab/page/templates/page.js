@@ -93,7 +93,7 @@ if (panel) {
     shape("path", { d: `M${cross[0] - r} ${cross[1]}h${2 * r}M${cross[0]} ${cross[1] - r}v${2 * r}` });
     if (corner) kind() === "region" ? rectangle(corner, cross) : shape("path", { d: `M${corner}L${cross}` });
     const [[x, y, frame], part, scale] = [numbers("ball_at"), numbers("region"), numbers("scale")];
-    if (frame === +slide.value) circle([x, y], r);
+    if (!track && frame === +slide.value) circle([x, y], r);
     if (part.length === 4) rectangle(part, [part[0] + part[2], part[1] + part[3]]);
     if (scale.length > 3) shape("path", { d: `M${scale.slice(0, 2)}L${scale.slice(2, 4)}` });
     rows.forEach(row => circle(spot(row, shift), row === here() ? row.radius_px || rows[0].radius_px || r : r / 6));
@@ -167,22 +167,22 @@ if (panel) {
   all("[data-step]", panel).forEach(button => button.addEventListener("click", () => go(+button.dataset.step)));
   one("[data-remove]", panel)?.addEventListener("click", () => here() && change());
   flight?.addEventListener("input", () => here() && change({ flight: flight.value }));
-  all("[type=radio]", panel).forEach(each => each.addEventListener("change", () => { corner = null; }));
   one("[data-length]", panel)?.addEventListener("input", ({ target }) => field("scale").value && put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`));
   all("[data-end]", panel).forEach((button, index) => button.addEventListener("click", () => {
     const ends = (field("frames").value || `0:${slide.max}`).split(":").with(index, slide.value);
     if (+ends[0] >= +ends[1]) ends[1 - index] = index ? 0 : slide.max;
     put("frames", ends.join(":"));
   }));
-  form.addEventListener("input", () => size && draw());
+  form.addEventListener("input", ({ target }) => {
+    if (target.type === "radio") corner = null;
+    if (size) draw();
+  });
   form.addEventListener("submit", () => { sessionStorage[chosen.value] = slide.value; }); // kept if a field is refused
-  if (track) form.addEventListener("submit", async event => {
+  if (track) form.addEventListener("submit", event => {
     event.preventDefault();
     const lines = [COLUMNS, ...rows.map(row => COLUMNS.map(name => row[name] ?? ""))];
-    try {
-      field("corrected").value = (await send(new Blob([lines.join("\n")]), `${chosen.value.split(/[\\/]/).at(-1)}-corrected.csv`, {})).path;
-      form.submit();
-    } catch (fault) { words.textContent = fault.message; }
+    const stored = send(new Blob([lines.join("\n")]), `${chosen.value.split(/[\\/]/).at(-1)}-corrected.csv`, {});
+    stored.then(({ path }) => { field("corrected").value = path; form.submit(); }, fault => { words.textContent = fault.message; });
   });
   const load = async () => {
     [panel.inert, panel.hidden, words.textContent] = [true, false, "reading the clip"];
