@@ -172,7 +172,7 @@ def test_stated_values_replace_those_of_the_kind_of_ball(
     ("arguments", "words"),
     [
         (["clip.mp4"], "the scale is unknown"),
-        (["clip.mp4", "--ball", "golf"], "e.g. '73mm±0.5mm', or a ball: its name"),
+        (["clip.mp4", "--ball", "golf"], "e.g. '73mm±0.5mm', or the name or .toml"),
         (["clip.mp4", "--ball", "game"], "did you mean game-2003?"),
         (["clip.mp4", "--ball", "none.toml"], "none.toml"),
         (["clip.mp4", "--ball", "73"], "a length with its unit"),

@@ -205,10 +205,10 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
     if not plans:
         chosen[FLOOR] = search.lowest
         words.append(_floor(search))
-    elif single is None and plans != [present]:
-        words.append("No single change of the present laboratory reaches the target.")
-    elif single is not None:
+    elif others and single:
         chosen[SINGLE] = single
+    elif others:
+        words.append("No single change of the present laboratory reaches the target.")
     rows = [search.row(at, name) for name, at in chosen.items()]
     setup, unit = search.laboratory.shared.setup, search.printed.unit
     target = f"{search.target:g} {unit}".rstrip()
