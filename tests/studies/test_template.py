@@ -238,7 +238,7 @@ def test_a_procedure_file_is_copied_to_the_form(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_a_form_that_lists_its_gaps(run: Run, tmp_path: Path) -> None:  # noqa: F811
-    assert run("template", "astm-f1881", "form")[:2] == (0, "form\n")
+    assert run("template", "astm-f1881", "form")[:2] == (0, "empty, to fill in: form\n")
     assert (tmp_path / "form" / "laboratory.toml").is_file()
     assert json.loads(run("template", "astm-f1881", "json", "--json")[1]) == {"folder": "json"}
     code, out, err = run("template", "astm-f1881", "form")
