@@ -581,9 +581,10 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     if width:
         sizes = (width["value"] / INCH, width["u"] / INCH, width["from_in"], width["to_in"])
         assert all(map(agrees, found[0], sizes))
-    (found,) = re.findall(r"at ([\d.]+) mph, ([\d.]+) in from the tip", text)
-    assert agrees(found[0], told["v_rel_mph"])
-    assert agrees(found[1], told["impact_position_in"])
+    form = r"at ([\d.]+) mph \(([\d.]+) m/s\), ([\d.]+) in from the tip"
+    (found,) = re.findall(form, text)
+    speed = told["v_rel_mph"]
+    assert all(map(agrees, found, (speed, speed * MPH, told["impact_position_in"])))
 
 
 # section: the figures
