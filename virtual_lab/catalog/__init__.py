@@ -22,6 +22,7 @@ from virtual_lab.catalog.reading import (
     source,
     text,
     texts_in_place,
+    texts_of,
     title,
 )
 
@@ -47,5 +48,6 @@ __all__ = [
     "source",
     "text",
     "texts_in_place",
+    "texts_of",
     "title",
 ]

@@ -376,6 +376,12 @@ def sheets_in_place(texts: Mapping[Key, str], laboratory: str = "") -> Iterator[
             outer.used.update(in_place.used)
 
 
+def texts_of(sheets: Mapping[str, str]) -> dict[Key, str]:
+    """Return texts of sheets keyed by kind and name, given those keyed by ``KIND/NAME``."""
+    parts = ((*key.partition("/"), text) for key, text in sheets.items())
+    return {(kind, name): text for kind, _, name, text in parts}
+
+
 def texts_in_place() -> Mapping[Key, str]:
     """Return the texts that replace catalog files in the current context, keyed by (kind, name).
 

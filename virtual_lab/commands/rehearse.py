@@ -77,7 +77,7 @@ def day(
         Seed of the operator's mistakes.
     laboratory
         Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
-        and balls replace those of the catalog. Needs `operator` or `script`.
+        and balls replace those of the catalog. A day that is continued keeps its own.
     day
         Folder of the day. If it contains a day, this day is continued. By default the new folder
         out/SCENARIO, or out/SCENARIO-2 and so on if it exists.
@@ -122,8 +122,6 @@ def day(
             seed=seed,
             operator_seed=operator_seed,
         )
-    if laboratory:
-        raise ExcludedError("{laboratory} needs {operator} or {script}")
     if out:
         raise ExcludedError(
             "{out} needs {operator} or {script}; the page saves its day in the folder of {day}"

@@ -98,7 +98,7 @@ class BlockTest:
             shots={name: values[rows] for name, values in self.shots.items()},
             wall_hits={name: values[hits] for name, values in self.wall.items()},
             faults=setup.faults.names,
-            recipe=Recipe.of(setup, laboratory.seed, index).as_json(),
+            recipe=Recipe.of(laboratory, index).as_json(),
         )
 
 

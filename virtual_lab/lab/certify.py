@@ -93,7 +93,7 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
         control_ratio=control.sealed.measurand["restitution"] / standard,
         most_boxes=1,
     )
-    recipe = replace(Recipe.of(setup, laboratory.seed, 0), is_control=True).as_json()
+    recipe = replace(Recipe.of(laboratory, 0), is_control=True).as_json()
     control = replace(control, sealed=replace(control.sealed, recipe=recipe))
     return replace(run_test(corrected, progress), control=control)
 

@@ -11,7 +11,9 @@ from typing import Self, cast
 
 import numpy as np
 
+from virtual_lab import catalog
 from virtual_lab.catalog import Entry
+from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.fitting import (
     nominal_positions,
@@ -67,6 +69,7 @@ class Laboratory:
     specimen: Specimen
     calibration: Mapping[str, Estimates]  # constants before the first measurement
     box: Slots  # number of the open box of balls, from 0
+    sheets: Mapping[Key, str]  # texts that were in place of the catalog's when it was opened
     most_boxes: int = 3  # number of boxes after which a test ends without enough balls
     control_ratio: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 
@@ -126,6 +129,7 @@ class Laboratory:
                 for name, each in entered.items()
             },
             box=box,
+            sheets=catalog.texts_in_place(),
         )
 
     def open_boxes(self, opening: Mask) -> Laboratory:

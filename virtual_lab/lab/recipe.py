@@ -13,6 +13,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Spec, Whole, YesNo
 from virtual_lab.catalog.validation import validate
+from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.parameters import Propagation
 from virtual_lab.records.session import ConstantEntry, entry_of_constant
@@ -50,11 +51,12 @@ class Recipe(Spec):
     is_control: YesNo = False  # whether the test is that of the control bat
 
     @classmethod
-    def of(cls, setup: TestSetup, seed: int, index: int) -> Self:
+    def of(cls, laboratory: Laboratory, index: int) -> Self:
         """Return the recipe of the test in laboratory `index` of a block."""
+        setup = laboratory.setup
         control = setup.control_bat
         return cls(
-            seed=seed,
+            seed=laboratory.seed,
             number=int(np.broadcast_to(setup.number, setup.count)[index]),
             faults=setup.faults.names,
             bat=setup.bat.spec.name,
@@ -65,7 +67,7 @@ class Recipe(Spec):
                 name: ConstantEntry(**entry_of_constant(each.row(index)))
                 for name, each in setup.history.items()
             },
-            sheets=_changed_sheets(setup),
+            sheets=_changed_sheets(laboratory),
             **{name: getattr(setup, name) for name in _copied_fields()},
         )
 
@@ -108,10 +110,10 @@ def _copied_fields() -> set[str]:
     return recipe & setup - {"seed", "number", "faults", "bat", "control_bat", "history"}
 
 
-def _changed_sheets(setup: TestSetup) -> dict[str, str]:
+def _changed_sheets(laboratory: Laboratory) -> dict[str, str]:
     """Return the text of each sheet of a test that the catalog does not have."""
-    texts = {key: entry.text for key, entry in setup.sheets.items()}
-    others = catalog.texts_in_place().items()
+    texts = {key: entry.text for key, entry in laboratory.setup.sheets.items()}
+    others = laboratory.sheets.items()
     texts |= {key: text for key, text in others if key[0] in ("rigs", "instruments")}
     changed = (key for key, text in texts.items() if not catalog.is_shipped(*key, text))
     return {"/".join(key): texts[key] for key in changed}

@@ -45,9 +45,7 @@ def play_again(recipe: Recipe, progress: Progress) -> BatTest:
 
     Raises `InputError` if this program does not have a rig, a fault or a sheet of the recipe.
     """
-    parts = ((*key.partition("/"), text) for key, text in recipe.sheets.items())
-    sheets = {(kind, name): text for kind, _, name, text in parts}
-    with catalog.sheets_in_place(sheets):
+    with catalog.sheets_in_place(catalog.texts_of(recipe.sheets)):
         setup = recipe.setup()
         if recipe.common_model:
             setup = RoundRobin.with_common_model(setup).setup

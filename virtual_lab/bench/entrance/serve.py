@@ -8,6 +8,7 @@ import webbrowser
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from virtual_lab import catalog
 from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.scenario import Scenario
@@ -66,7 +67,7 @@ def serve(
     _require(tls, len(folders))
     family, numbers = find_address(host, port, secure=tls is not None)
     url_host = f"[{host}]" if ":" in host else host  # notation of IPv6 in an address, RFC 3986
-    is_fixed = scenario is None or len(folders) > 1 or bool(exam)
+    is_fixed = scenario is None or len(folders) > 1 or bool(exam or catalog.texts_in_place())
     days = {
         name: ServedDay(folder, scenario, seed, is_fixed=is_fixed, operator=name or "trainee")
         for name, folder in folders.items()

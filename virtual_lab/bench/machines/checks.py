@@ -119,7 +119,8 @@ def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
     papers = {
         name: getattr(laboratory, name) for name in ("salt", "sealing", "date", "calibration")
     }
-    return replace(Laboratory.open(setup), **papers)
+    with catalog.sheets_in_place(laboratory.sheets):
+        return replace(Laboratory.open(setup), **papers)
 
 
 def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str) -> Display:

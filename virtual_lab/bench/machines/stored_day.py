@@ -13,7 +13,7 @@ import re
 import secrets
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Self
@@ -43,7 +43,7 @@ from virtual_lab.records.session import SESSION, pack
 from virtual_lab.streams import LARGEST_SEED, SEED_BITS
 
 SECRET = "sealed.json"
-PADDED = 4096  # size of the sealed file without its scenario [B]
+PADDED = 4096  # size of the sealed file without its scenario and its sheets [B]
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
@@ -89,6 +89,8 @@ class SealedDay(Spec):
     scenario: str  # text of its file; its faults are drawn from the seed if it names none
     seed: Annotated[Whole, Ge(0), Le(LARGEST_SEED)]
     salt: str  # hexadecimal
+    # texts of the sheets of its laboratory that are not those of the catalog, keyed by KIND/NAME
+    sheets: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         bytes.fromhex(self.salt)
@@ -96,7 +98,7 @@ class SealedDay(Spec):
     def content(self) -> bytes:
         """Return the content of the file, padded so that its size tells nothing of the secrets."""
         content = json.dumps(asdict(self)).encode()
-        secrets_size = len(content) - len(json.dumps(self.scenario))
+        secrets_size = len(content) - len(json.dumps(self.scenario)) - len(json.dumps(self.sheets))
         return content + b" " * (PADDED - secrets_size)
 
 
@@ -114,7 +116,9 @@ class StoredDay:
         self.sealed = validate(read_json(path), str(path), SealedDay)
         scenario = read(self.sealed.scenario, f"{path} [scenario]", Scenario).spec
         self.scenario = scenario.draw_faults(self.sealed.seed)
-        laboratory = laboratory_of(self.scenario, self.sealed.seed, bytes.fromhex(self.sealed.salt))
+        salt = bytes.fromhex(self.sealed.salt)
+        with catalog.sheets_in_place(catalog.texts_of(self.sealed.sheets)):
+            laboratory = laboratory_of(self.scenario, self.sealed.seed, salt)
         self.morning = self.log.first
         self.apparatus = Apparatus(replace(laboratory, date=self.morning.morning.date))
         self.desk = Desk(self.log.last)
@@ -137,7 +141,9 @@ class StoredDay:
         salt = secrets.token_bytes(16)
         today = scenario.spec.draw_faults(used_seed)
         laboratory = laboratory_of(today, used_seed, salt)
-        content = SealedDay(scenario=scenario.text, seed=used_seed, salt=salt.hex()).content()
+        sheets = {"/".join(key): text for key, text in laboratory.sheets.items()}
+        sealed = SealedDay(scenario=scenario.text, seed=used_seed, salt=salt.hex(), sheets=sheets)
+        content = sealed.content()
         supplied = _records_of(today, laboratory, used_seed)
         with new_folder(folder) as draft:
             handle = os.open(draft / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from itertools import zip_longest
 from typing import Any
 
+from virtual_lab import catalog
 from virtual_lab.bench.day.actions import RESULT_QUANTITIES, Action, typed_words
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk, EnteredResult, HitResult
@@ -393,9 +394,10 @@ def _effect_of_fault(
         return None
     faults_left = tuple(name for name in scenario.faults or () if name != fault)
     laboratory = apparatus.laboratory
-    machines = Apparatus(
-        laboratory_of(replace(scenario, faults=faults_left), laboratory.seed, laboratory.salt)
-    )
+    with catalog.sheets_in_place(laboratory.sheets):
+        machines = Apparatus(
+            laboratory_of(replace(scenario, faults=faults_left), laboratory.seed, laboratory.salt)
+        )
     actions = [Action(name=event.action, arguments=event.arguments) for event in desk.day.events]
     try:
         result = replay_day(machines, actions, set()).result
