@@ -1,13 +1,23 @@
 """Laboratories played from a tester's sheets, against the sheets recovered from their records.
 
-python -m tests.studies.own_laboratory scatter LABORATORIES
-python -m tests.studies.own_laboratory rms LABORATORIES
-python -m tests.studies.own_laboratory budget
+    python -m tests.studies.own_laboratory scatter PROCEDURE SEED LABORATORIES OUT.CSV
+    python -m tests.studies.own_laboratory rms PROCEDURE SEED LABORATORIES OUT.CSV
+    python -m tests.studies.own_laboratory budget PROCEDURE SEED LABORATORIES OUT.CSV
+    python -m tests.studies.own_laboratory table OUT.CSV
+
+Each study appends its rows to the file, one laboratory per seed, the first of which is SEED.
+`scatter`: a scatter of the recovered sheets with its 95 % interval, and that of the tester's sheet.
+`rms`: rms of u over 1 000 tests by sheets recovered from five folders, and by those of the tester.
+`budget`: a type B line above 2 % of u, as rms over 1 000 tests by sheets recovered from a test in
+the laboratory of the catalog, and in the certificate of this test; low and high are the quartiles.
+A laboratory is left out if the procedure rejects the mean ball of its records. `table` prints the
+lines of the page.
 """
 
+import csv
 import sys
 import tempfile
-from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +30,8 @@ from virtual_lab.sheets import sheets_in, toml_text
 from virtual_lab.studies.own_laboratory.ball import PLACES, with_scatter
 from virtual_lab.studies.plan.sample import SampledTests
 
+FIELDS = ("study", "procedure", "seed", "quantity", "recovered", "low", "high", "tester")
+Row = tuple[str, float, float | None, float | None, float]  # the last five fields
 DENSITY_U = "density_u"  # a larger one gives air that no barometer shows
 SCALED = ("_u", "_scatter", "_jitter", "repeatability")  # endings of the keys that are scaled
 
@@ -61,83 +73,103 @@ def play(folder: Path, procedure: str, seed: int, days: int = 1, bat: str = "r16
     return results
 
 
-def scatter(laboratories: int, procedure: str = "bbcor") -> None:
-    """Print how often the 95 % interval of each recovered scatter contains that of the sheet."""
-    inside: dict[str, list[bool]] = defaultdict(list)
-    for seed in range(8100, 8100 + laboratories):
-        with tempfile.TemporaryDirectory() as place:
-            folder = write_tester(Path(place) / "tester", procedure, seed)
-            ours = vl.laboratory(play(folder, procedure, seed))
-            true = {
-                (kind, name, each.key): each.value
-                for (kind, name), text in texts_of(folder).items()
-                for each in catalog.datums(vl.Sheet(kind, name, text).document)
-            }
-            for row in ours.rows:
-                if row.low is not None and row.high is not None:
-                    kind, name = row.sheet.split("/")
-                    name = name.removesuffix("-ball-wall").removesuffix(f"-{procedure}")
-                    name = "ball-cannon" if name.startswith("ball-cannon") else name
-                    value = true[kind, name, row.key]
-                    inside[f"{row.sheet} {row.key}"].append(row.low <= value <= row.high)
-    for key, each in inside.items():
-        print(f"{100 * np.mean(each):5.1f} % of {len(each)}  {key}")
-    every = [each for key, values in inside.items() if "jitter" not in key for each in values]
-    print(f"{100 * np.mean(every):5.1f} % of {len(every)}  all without jitter")
+def scatter(procedure: str, seed: int, place: Path) -> Iterator[Row]:
+    """Yield each scatter that the recovered sheets state with an interval."""
+    folder = write_tester(place / "tester", procedure, seed)
+    ours = vl.laboratory(play(folder, procedure, seed))
+    true = {
+        (kind, name, each.key): each.value
+        for (kind, name), text in texts_of(folder).items()
+        for each in catalog.datums(vl.Sheet(kind, name, text).document)
+    }
+    for row in ours.rows:
+        if row.low is not None:
+            kind, name = row.sheet.split("/")
+            name = name.removesuffix("-ball-wall").removesuffix(f"-{procedure}")
+            name = "ball-cannon" if name.startswith("ball-cannon") else name
+            quantity = f"{row.sheet} {row.key}"
+            yield quantity, row.ours, row.low, row.high, true[kind, name, row.key]
 
 
-def rms_u(folder: Path, bat: str, procedure: str, tests: int = 1000) -> float:
+def sample_in(folder: Path, procedure: str, tests: int = 1000) -> SampledTests:
+    """Return simulated tests with a result in the laboratory of a folder."""
+    with catalog.sheets_in_place(texts_of(folder)):
+        sample = SampledTests.of(RoundRobin.of("r161", procedure), tests, 77)
+    return sample.select(sample.has_result)
+
+
+def rms_u(folder: Path, procedure: str) -> float:
     """Return the rms of u over simulated tests in the laboratory of a folder."""
-    with catalog.sheets_in_place(texts_of(folder)):
-        sample = SampledTests.of(RoundRobin.of(bat, procedure), tests, 77)
-    return float(np.sqrt(np.mean(sample.u[sample.has_result] ** 2)))
+    return float(np.sqrt(np.mean(sample_in(folder, procedure).u ** 2)))
 
 
-def rms(laboratories: int) -> None:
-    """Print rms of u by recovered sheets of five folders, divided by that of the tester's."""
-    for procedure in ("astm-f1881", "bbcor"):
-        ratios = []
-        for seed in range(8200, 8200 + laboratories):
-            with tempfile.TemporaryDirectory() as place:
-                folder = write_tester(Path(place) / "tester", procedure, seed)
-                ours = vl.laboratory(play(folder, procedure, seed, days=5))
-                ours.save(Path(place) / "ours")
-                ratios.append(
-                    rms_u(Path(place) / "ours", "r161", procedure)
-                    / rms_u(folder, "r161", procedure)
-                )
-            print(procedure, seed, f"{ratios[-1]:.3f}", flush=True)
-        error = np.std(ratios, ddof=1) / np.sqrt(len(ratios))
-        print(f"{procedure}: mean {np.mean(ratios):.3f} ± {error:.3f}", flush=True)
+def rms(procedure: str, seed: int, place: Path) -> Iterator[Row]:
+    """Yield the rms of u by recovered sheets and by the tester's."""
+    folder = write_tester(place / "tester", procedure, seed)
+    vl.laboratory(play(folder, procedure, seed, days=5)).save(place / "ours")
+    yield "u", rms_u(place / "ours", procedure), None, None, rms_u(folder, procedure)
 
 
-def budget() -> None:
-    """Print median and rms of type B lines in recovered laboratories, per line of certificates."""
-    for procedure, seed in (("astm-f1881", 1), ("bbcor", 2), ("ncaa-besr", 3), ("bbcor", 4)):
-        with tempfile.TemporaryDirectory() as place:
-            tested = vl.certify("r161", procedure=procedure, seed=seed)
-            result = tested.save(Path(place) / "day")
-            ours = vl.laboratory(result).save(Path(place) / "ours")
-            _compare(tested, ours, procedure, seed)
-
-
-def _compare(tested: vl.Certificate, folder: Path, procedure: str, seed: int) -> None:
-    with catalog.sheets_in_place(texts_of(folder)):
-        sample = SampledTests.of(RoundRobin.of("r161", procedure), 1000, 77)
-    squares = sample.squares[sample.has_result]
-    medians, means = (
-        dict(zip(sample.names, np.sqrt(each).tolist(), strict=True))
-        for each in (np.median(squares, axis=0), squares.mean(axis=0))
-    )
+def budget(procedure: str, seed: int, place: Path) -> Iterator[Row]:
+    """Yield the large type B lines in a recovered laboratory, and in the certificate."""
+    tested = vl.certify("r161", procedure=procedure, seed=seed)
+    sample = sample_in(vl.laboratory(tested.save(place / "day")).save(place / "ours"), procedure)
     metric = tested.certification.metric
     assert metric is not None
     for part in metric.components:
         if part.evaluation == "B" and part.contribution > 0.02 * metric.u:
             name = part.pool or part.name
-            ratios = [each[name] / part.contribution for each in (medians, means)]
-            print(f"{procedure} {seed}: {ratios[0]:5.2f} {ratios[1]:5.2f}  {name}", flush=True)
+            line = np.sqrt(sample.squares[:, sample.names.index(name)])
+            low, high = np.quantile(line, (0.25, 0.75)).tolist()
+            yield name, float(np.sqrt(np.mean(line**2))), low, high, part.contribution
 
+
+def table(path: Path) -> list[str]:
+    """Return the lines of the page, one per study and procedure."""
+    rows = list(csv.DictReader(path.open()))
+    lines = []
+    for study, procedure in dict.fromkeys((row["study"], row["procedure"]) for row in rows):
+        ours = [row for row in rows if (row["study"], row["procedure"]) == (study, procedure)]
+        if study == "scatter":
+            ours = [row for row in ours if "jitter" not in row["quantity"]]
+            inside = [
+                float(each["low"]) <= float(each["tester"]) <= float(each["high"]) for each in ours
+            ]
+            found = f"{100 * np.mean(inside):.0f} % inside their interval"
+        else:
+            ratios = np.array([float(row["recovered"]) / float(row["tester"]) for row in ours])
+            near = np.sum(np.abs(ratios - 1) <= 0.1)
+            error = ratios.std(ddof=1) / np.sqrt(ratios.size)
+            found = f"{ratios.mean():.2f} ± {error:.2f}, {near} within 10 %"
+        laboratories = len({row["seed"] for row in ours})
+        lines.append(f"| {study} | `{procedure}` | {laboratories} | {len(ours)} | {found} |")
+    return lines
+
+
+def main(study: str, procedure: str, first: int, laboratories: int, out: Path) -> None:
+    """Append the rows of a study to a file."""
+    is_new = not out.exists()
+    with out.open("a", newline="") as file:
+        written = csv.writer(file, lineterminator="\n")
+        if is_new:
+            written.writerow(FIELDS)
+        for seed in range(first, first + laboratories):
+            with tempfile.TemporaryDirectory() as place:
+                try:
+                    rows = list(STUDIES[study](procedure, seed, Path(place)))
+                except vl.InputError as refused:
+                    print(procedure, seed, refused)
+                    continue
+            for quantity, *numbers in rows:
+                shown = ("" if each is None else f"{each:.5g}" for each in numbers)
+                written.writerow((study, procedure, seed, quantity, *shown))
+            file.flush()
+
+
+STUDIES = {"scatter": scatter, "rms": rms, "budget": budget}
 
 if __name__ == "__main__":
-    study, *numbers = sys.argv[1:]
-    {"scatter": scatter, "rms": rms, "budget": budget}[study](*map(int, numbers))
+    if sys.argv[1] == "table":
+        print("\n".join(table(Path(sys.argv[2]))))
+    else:
+        main(sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), Path(sys.argv[5]))

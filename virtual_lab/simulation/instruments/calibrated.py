@@ -36,22 +36,46 @@ Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, in
 
 
 class StandardDeviation(NamedTuple):
-    """A standard deviation estimated from repeated readings, and its degrees of freedom."""
+    """A standard deviation estimated from repeated readings, without a part of other causes."""
 
-    value: float
-    dof: float
+    total: float  # of the readings
+    dof: float  # degrees of freedom of `total`
+    known: float = 0.0  # variance of the readings that has other causes
+
+    @property
+    def value(self) -> float:
+        """The standard deviation without the known part."""
+        return self._without_known(1.0)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the standard deviation, for normal readings."""
+        from scipy.special import chdtri
+
+        low, high = (float(self.dof / chdtri(self.dof, p)) for p in (0.025, 0.975))
+        return self._without_known(low), self._without_known(high)
+
+    def _without_known(self, factor: float) -> float:
+        return sqrt(max(factor * self.total**2 - self.known, 0.0))
+
+    def scaled(self, factor: float) -> StandardDeviation:
+        """Return the standard deviation of `factor` times the readings."""
+        return StandardDeviation(factor * self.total, self.dof, factor**2 * self.known)
 
     @classmethod
-    def of(cls, values: Array, share: float = 1.0) -> Self:
-        """Return `share` times the standard deviation of `values`, (n,), with n at least 2."""
-        return cls(share * float(values.std(ddof=1)), values.size - 1)
+    def of(cls, values: Array) -> Self:
+        """Return the standard deviation of `values`, (n,), with n at least 2."""
+        return cls(float(values.std(ddof=1)), values.size - 1)
 
     @classmethod
     def pool(cls, spreads: Sequence[StandardDeviation], known: float = 0.0) -> Self:
-        """Return the pooled standard deviation, without a part of the `known` variance."""
+        """Return the pooled standard deviation, without another part of the `known` variance."""
         dof = sum(each.dof for each in spreads)
-        variance = sum(each.dof * each.value**2 for each in spreads) / max(dof, 1) - known
-        return cls(sqrt(max(variance, 0.0)), dof)
+        if not dof:
+            return cls(0.0, 0.0, known)
+        variances = [(each.total**2, each.known) for each in spreads]
+        total, part = np.average(variances, axis=0, weights=[each.dof for each in spreads]).tolist()
+        return cls(sqrt(total), dof, part + known)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

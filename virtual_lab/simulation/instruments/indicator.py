@@ -53,9 +53,7 @@ class IndicatorSpec(CalibratedSpec):
         ]
         step = constants["resolution"]
         shown = StandardDeviation.pool(items, known=step**2 / 12)
-        if shown.value > step:
-            return {"repeatability": shown}
-        return {"repeatability": shown.value} if shown.value else {}  # of no χ² distribution
+        return {"repeatability": shown} if shown.value else {}
 
 
 S = TypeVar("S", bound=IndicatorSpec)

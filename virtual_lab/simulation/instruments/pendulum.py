@@ -76,7 +76,7 @@ class PendulumSpec(CalibratedSpec):
                 "amplitude_decay": max(1 - (last / first) ** (1 / swings), 0.0),
                 "amplitude_resolution": 0.0,
                 "timer_resolution": 0.0,
-                "timer_jitter": StandardDeviation.of(spans, 1 / sqrt(2)),
+                "timer_jitter": StandardDeviation.of(spans / sqrt(2)),
             }
         return numbers
 

@@ -173,11 +173,9 @@ def hit_scatters(
     """
     without, with_it = (_variances(simulate({"wall": each, "bat": each})) for each in (0.0, TRIAL))
     scatters = {}
-    for place, (value, dof) in wanted.items():
-        share = max(value**2 - without[place], 0.0)
-        scatter = TRIAL * sqrt(share / (with_it[place] - without[place]))
-        # subtraction of a known part does not change the uncertainty of a variance
-        scatters[place] = StandardDeviation(scatter, dof * (share / value**2) ** 2)
+    for place, hit in wanted.items():
+        others = hit._replace(known=without[place])
+        scatters[place] = others.scaled(TRIAL / sqrt(with_it[place] - without[place]))
     return scatters
 
 

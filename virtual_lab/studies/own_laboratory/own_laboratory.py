@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import groupby
-from math import inf, isfinite, sqrt
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -32,13 +31,17 @@ from virtual_lab.studies.own_laboratory.rig_sheets import (
     SheetNumbers,
     StatedNumber,
     Statements,
+    in_unit,
+    inner_table,
     numbers_of,
     stated_rigs,
     write_numbers,
 )
 from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
+from virtual_lab.uncertainty.estimate import Estimate
 
 SOURCE = "stated in the records of {}"
+DIFFERING = "The folders state different constants of {}; those of {} are used."
 WORDS = (
     "Ours: stated in the records. Low, high: 95 % interval of a scatter that few readings show.\n"
     "{} numbers of these sheets stay as in the catalog, because the records do not state them."
@@ -69,8 +72,10 @@ class OwnNumber:
     ) -> OwnNumber:
         """Return the row of a statement, or of a number that the sheet does not need."""
         value, old = number and number.value, usual.get(key, {})
-        shows = number is not None and number.value and 1 <= number.dof < inf
-        low, high = _interval(number) if number and shows else (None, None)
+        unit = old.get("unit", "1")
+        low = high = None
+        if number is not None and number.spread and number.spread.dof >= 1:
+            low, high = (in_unit(limit, unit) for limit in number.spread.interval)
         return cls(
             sheet="/".join(sheet),
             key=key,
@@ -78,17 +83,9 @@ class OwnNumber:
             low=low,
             high=high,
             catalog=old.get("value"),
-            unit=old.get("unit", "1"),
+            unit=unit,
             record=number.record if number else "",
         )
-
-
-def _interval(number: StatedNumber) -> tuple[float, float]:
-    """Return the 95 % interval of a standard deviation of normal values."""
-    from scipy.special import chdtri
-
-    low, high = (number.value * sqrt(number.dof / chdtri(number.dof, p)) for p in (0.025, 0.975))
-    return low, high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -142,8 +139,9 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
     ----------
     folders
         Result folder of ``certify``, its folder ``records``, or the folder of another laboratory
-        with its ``laboratory.toml``. Several folders of one laboratory are pooled: constants are
-        those of the last one, and scatters are the pooled ones of all.
+        with its ``laboratory.toml``. Several folders of one laboratory are pooled: scatters are the
+        pooled ones of all. Constants are those of the last one, and the text names instruments for
+        which other folders state other constants.
 
     Raises
     ------
@@ -152,18 +150,21 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
     """
     paths = paths_of(folders)
     read, remarks = dict[tuple[Stage, str], list[RigSheets]](), dict[str, None]()
-    particulars, tests = NOTHING_STATED, []
+    particulars, tests, constants = NOTHING_STATED, [], list[Mapping[str, Estimate]]()
     for path in paths:
         certification = certify_records(path)
         tests.append(certification)
         theirs = certification.session
         session = with_installed_rigs(theirs, certification.procedure.rig)
         remarks |= dict.fromkeys(replaced_rigs(theirs, session))
+        constants.append(session.calibration)
         scatter = scatter_of_shots(reduce_block(certification.block)[0])
         particulars = session.particulars
         for sheets in stated_rigs(session, scatter):
             read.setdefault((sheets.stage, sheets.rig), []).append(sheets)
     names = ", ".join(dict.fromkeys(path.resolve().name for path in paths))
+    if differing := _differing_instruments(constants):
+        remarks[DIFFERING.format(", ".join(differing), paths[-1].resolve().name)] = None
     pooled = {rig: _pool_days(each) for (_, rig), each in read.items()}
     found, texts, kept = list[OwnNumber](), dict[Key, str](), 0
 
@@ -210,18 +211,33 @@ def _rules(test: Certification) -> str:
     return test.session.procedure_text
 
 
+def _differing_instruments(days: Sequence[Mapping[str, Estimate]]) -> list[str]:
+    """Return the instruments of whose constants a day states another value or u than the last."""
+    last = days[-1]
+    return sorted(
+        {
+            name.rpartition(".")[0]
+            for day in days
+            for name, each in day.items()
+            if name in last and (each.value, each.u) != (last[name].value, last[name].u)
+        }
+    )
+
+
 def _pool_days(days: Sequence[RigSheets]) -> Statements:
     """Return the statements of the last day, with standard deviations pooled over all days."""
     pooled: Statements = {}
     for sheet, numbers in days[-1].statements.items():
         pooled[sheet] = dict(numbers)
         for key, number in numbers.items():
-            if number is None or not isfinite(number.dof):
-                continue
-            every = (day.statements[sheet].get(key) for day in days)
-            spreads = [StandardDeviation(each.value, each.dof) for each in every if each]
-            value, dof = StandardDeviation.pool(spreads)
-            pooled[sheet][key] = replace(number, value=value, dof=dof)
+            if number is not None and number.spread:
+                every = (day.statements[sheet].get(key) for day in days)
+                spread = StandardDeviation.pool(
+                    [each.spread for each in every if each and each.spread]
+                )
+                table, last = inner_table(days[-1].documents[sheet], key)
+                value = in_unit(spread.value, table[last]["unit"])
+                pooled[sheet][key] = replace(number, value=value, spread=spread)
     return pooled
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
-from math import inf, isclose, isfinite
+from math import isclose, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +44,7 @@ class StatedNumber:
 
     value: Any  # number or list of numbers, in the unit of the sheet
     record: str  # constant or channel that states it
-    dof: float = inf  # degrees of freedom of a standard deviation that was estimated
+    spread: StandardDeviation | None = None  # of readings [SI], for a number that is estimated
 
 
 SheetNumbers = dict[str, StatedNumber | None]  # keyed by key of a sheet; None: key removed
@@ -138,19 +138,19 @@ class RigSheets:
     def _enter(self, sheet: Key, key: str, shown: Any, record: str) -> None:
         """Enter a number [SI] at a key of a sheet, unless a constant states it already.
 
-        Nothing is changed without such a key, and for a scatter that is smaller than the rounding
-        of its readings.
+        Nothing is changed without such a key, and for a scatter of 0.
         """
         for path, table, last in list(numbers_of(self.documents.get(sheet, {}))):
             unit, old = table[last]["unit"], table[last]["value"]
-            number, dof = shown if isinstance(shown, StandardDeviation) else (shown, inf)
+            spread = shown if isinstance(shown, StandardDeviation) else None
+            number = spread.value if spread else shown
             values = number if isinstance(number, tuple) else (number,)
             stated = path in self.statements[sheet] and len(values) in (1, np.size(old))
-            if path != key or stated or not values or (isfinite(dof) and not number):
+            if path != key or stated or not values or (spread and not number):
                 continue
             new = [in_unit(each, unit) for each in values]
             table[last]["value"] = new if isinstance(number, tuple) else new[0]
-            self.statements[sheet][path] = StatedNumber(table[last]["value"], record, dof)
+            self.statements[sheet][path] = StatedNumber(table[last]["value"], record, spread)
 
     def state(self, wanted: Mapping[str, Estimate]) -> None:
         """Change the sheets so that they state the constants of a session [SI], keyed by name.
@@ -291,10 +291,11 @@ def enter_numbers(document: Document, numbers: Mapping[str, tuple[Any, str]]) ->
     """Return the statements of numbers [SI] and their records, in the units of a sheet."""
     statements: SheetNumbers = {}
     for path, (shown, record) in numbers.items():
-        number, dof = shown if isinstance(shown, StandardDeviation) else (shown, inf)
+        spread = shown if isinstance(shown, StandardDeviation) else None
         table, last = inner_table(document, path)
         unit = table.get(last, {"unit": "1"})["unit"]
-        statements[path] = StatedNumber(in_unit(number, unit), record, dof)
+        number = in_unit(spread.value if spread else shown, unit)
+        statements[path] = StatedNumber(number, record, spread)
     return statements
 
 

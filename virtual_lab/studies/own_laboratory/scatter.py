@@ -9,9 +9,10 @@ import numpy as np
 from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.uncertainty.interlaboratory import grubbs_limit
 from virtual_lab.units import Array
 
-OUTLIER = 6.0  # deviation of an outlier [median absolute deviation]; 4 standard deviations
+OUTLIER = 0.001  # probability that a sound shot is left out of a scatter
 
 
 def scatter_of_shots(reduced: Reduction) -> Mapping[Stage, Mapping[str, StandardDeviation]]:
@@ -31,10 +32,17 @@ def scatter_of_shots(reduced: Reduction) -> Mapping[Stage, Mapping[str, Standard
 
 
 def without_outliers(values: Array) -> Array:
-    """Return finite values near their median: a fragment before the ball spoils its speed."""
+    """Return finite values without outliers by Grubbs's test.
+
+    A fragment before the ball spoils its speed.
+    """
     values = values[np.isfinite(values)]
-    deviation = np.abs(values - np.median(values))
-    return np.asarray(values[deviation <= OUTLIER * np.median(deviation)])
+    while values.size > 2:
+        deviation = np.abs(values - values.mean())
+        if deviation.max() <= grubbs_limit(values.size, OUTLIER) * values.std(ddof=1):
+            break
+        values = np.delete(values, deviation.argmax())
+    return values
 
 
 def _pool_groups(groups: Sequence[Array]) -> StandardDeviation:
