@@ -30,7 +30,6 @@ from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays
-from virtual_lab.studies.twin.improving import changes_to_simulate, improvements
 from virtual_lab.studies.twin.quantities import compare_quantities
 from virtual_lab.studies.twin.readings import (
     TWIN_READINGS,
@@ -222,31 +221,6 @@ def test_a_twin_without_a_result_is_refused_in_one_line(certification, days) -> 
     statement = replace(days.statement, session=wide)
     with pytest.raises(InputError, match="none of 8 days of its twin gives a valid result"):
         TwinDays.fit(statement, seed=1, days=8)
-
-
-def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
-    """In every kind of change; the standard deviation of 400 days has a standard error of 3.5 %."""
-    changes = changes_to_simulate(certification)
-    assert [each.variance for each in changes] == sorted(
-        (each.variance for each in changes), reverse=True
-    )
-    (stated, *_), _ = compare_quantities(certification, days, DAYS)
-    of_kinds = {each.words.partition(" of ")[0]: each for each in reversed(changes)}
-    assert len(of_kinds) == 4  # the best instrument, hits, balls, wall hits
-    for words, variance, apply in of_kinds.values():
-        changed = replace(days, statement=apply(days.statement))
-        (metric, *_), _ = compare_quantities(certification, changed, DAYS)
-        planned = np.sqrt(stated.u**2 - variance) * stated.error_sd / stated.u
-        assert metric.error_sd == pytest.approx(planned, rel=0.1), words
-    halved = replace(days, statement=of_kinds["half the u"].apply(days.statement))
-    sheets = [each.play(0).laboratory.calibration for each in (halved, days)]
-    assert changes[1].words == "half the u of slow-cannon"
-    assert sheets[0]["impact.cannon.along"].u == pytest.approx(
-        sheets[1]["impact.cannon.along"].u / 2
-    )
-    best = improvements(certification, days, lambda _: (0.1, 0.05, 0.2))
-    assert [row.change for row in best] == [each.words for each in changes[:3]]
-    assert best[0].gain == pytest.approx(1 - best[0].planned_u / stated.u)
 
 
 def test_holm_adjusts_each_tail_for_those_that_remain() -> None:

@@ -57,24 +57,6 @@ def earlier_scatter(
     """
     if not folders:
         return {}
-    tests = earlier_tests(folders, kind, today)
-    source = f"{len(tests)} earlier tests"
-    return {
-        name: HitVariance.pool([test[name] for test in tests]).as_estimates(source).row(0)
-        for name in tests[0]
-    }
-
-
-def earlier_tests(
-    folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
-) -> list[dict[str, HitVariance]]:
-    """Return the variance of a single hit in each earlier test, one mapping per test.
-
-    The keys are the names of the test's results, such as the metric. A variance is in the square of
-    the SI unit of its result. `folders` and `today` are as in `earlier_scatter`. `kind` holds some
-    or all of the properties that `kind_of` returns; all tests must have them. Raises `InputError`
-    for the errors listed in `earlier_scatter`, and if there are no folders.
-    """
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:
         allowed = f"allowed: {FEWEST} or more earlier tests; ten are recommended"
@@ -101,7 +83,11 @@ def earlier_tests(
         digests[digest] = str(folder)
         variances = certification.variances.items()
         tests.append({name: HitVariance.of(Estimates.stack([each])) for name, each in variances})
-    return tests
+    source = f"{len(tests)} earlier tests"
+    return {
+        name: HitVariance.pool([test[name] for test in tests]).as_estimates(source).row(0)
+        for name in tests[0]
+    }
 
 
 def _digest(session: Session) -> str:

@@ -176,8 +176,6 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "error_sd": _M("standard deviation of the errors on the twin's days", PER_ROW),
     "u_ratio": _M("ratio of the stated u to the standard deviation of the errors"),
     "finding": _M("finding on u, or on the reading", WORDS),
-    "change": _M("change of the laboratory", WORDS),
-    "gain": _M("share by which the planned u is below the stated one"),
     "reading": _M("name of the reading", WORDS),
     "days_low": _M("2.5 % quantile of the reading on the twin's days", PER_ROW),
     "days_median": _M("median of the reading on the twin's days", PER_ROW),

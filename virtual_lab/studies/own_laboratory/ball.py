@@ -27,6 +27,7 @@ from virtual_lab.studies.own_laboratory.rig_sheets import (
     write_numbers,
 )
 from virtual_lab.studies.plan.sample import SampledTests
+from virtual_lab.uncertainty.scatter import bartlett_p
 from virtual_lab.units import Array
 
 TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
@@ -35,6 +36,8 @@ LUCKY = 0.05  # share of tests with a smaller u, below which a test is called lu
 STAGES = {"wall": "balls", "bat": "impact"}  # stages of the hits
 LUCK = "{}: u {:.2g} in the records, rms {:.2g} in simulated tests; {:.0f} % have a smaller u."
 LUCKY_WORDS = " Its hits agree by luck."
+SIGNIFICANT = 0.05  # p-value of Bartlett's test below which days differ
+DIFFERING = "The scatter of hits at the {} differs from day to day (Bartlett's test, p = {:.2g})."
 PLACES = {"wall": "hit_restitution", "bat": "bat_hit_restitution"}  # keys of the scatters
 
 
@@ -53,7 +56,9 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
     days = [scatter_of_hits(test) for test in tests]
     places = {place: [day[place] for day in days if place in day] for place in PLACES}
     wanted = {place: StandardDeviation.pool(each) for place, each in places.items() if each}
-    scatters = adapted_scatters(document, wanted, bat, rules, SEED)
+    scatters = hit_scatters(
+        wanted, lambda each: sample_of_tests(with_scatter(document, each), bat, rules, SEED)
+    )
     shown = {
         f"spread.{PLACES[place]}": (each, f"{STAGES[place]}/gates")
         for place, each in scatters.items()
@@ -63,7 +68,7 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
     sample = sample_of_tests(document, bat, rules, SEED)
     u, printed = sample.u[sample.has_result], METRICS[rules.spec.metric]
     rms = printed.in_unit(float(np.sqrt(np.mean(u**2))))
-    remarks = []
+    remarks = [remark for place, each in places.items() for remark in _differing_days(place, each)]
     for test in tests:
         if test.metric is not None:
             share = float(np.mean(u < test.metric.u))
@@ -71,6 +76,15 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
             words = LUCK.format(name, printed.in_unit(test.metric.u), rms, 100 * share)
             remarks.append(f"{words}{LUCKY_WORDS if share < LUCKY else ''}")
     return ball, numbers, remarks
+
+
+def _differing_days(place: str, days: Sequence[StandardDeviation]) -> list[str]:
+    """Return a sentence if the scatter of the hits differs from day to day, or an empty list."""
+    if len(days) < 2:
+        return []
+    totals, dof = (np.array([getattr(each, name) for each in days]) for name in ("total", "dof"))
+    p = bartlett_p(totals**2, dof)
+    return [DIFFERING.format(place, p)] if p < SIGNIFICANT else []
 
 
 def stated_ball(tests: Sequence[Certification]) -> tuple[Document, SheetNumbers]:
@@ -136,22 +150,6 @@ def _ball_numbers(tests: Sequence[Certification]) -> dict[str, tuple[Any, str]]:
 def _pool_lots(lots: Sequence[Array], known: float = 0.0) -> StandardDeviation:
     spreads = [StandardDeviation.of(each) for each in lots if each.size > 1]
     return StandardDeviation.pool(spreads, known)
-
-
-def adapted_scatters(
-    ball: Mapping[str, Any],
-    wanted: Mapping[str, StandardDeviation],
-    bat: str,
-    rules: Entry[Procedure],
-    seed: int,
-) -> dict[str, StandardDeviation]:
-    """Return `hit_scatters` of simulated tests of a catalog bat.
-
-    `ball` is the content of the sheet of the procedure's ball, and `seed` that of the tests.
-    """
-    return hit_scatters(
-        wanted, lambda each: sample_of_tests(with_scatter(ball, each), bat, rules, seed)
-    )
 
 
 def hit_scatters(

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from virtual_lab import catalog
-from virtual_lab.files.folders import ResultFolders
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -20,11 +18,9 @@ from virtual_lab.parameters import (
     HundredOrMore,
     Positive,
     Seed,
-    paths_of,
 )
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.studies.plan.choosing import Index, cheapest_single_change
-from virtual_lab.studies.plan.history import balls_of, read_history
 from virtual_lab.studies.plan.laboratory import PlannedLaboratory, better_instruments
 from virtual_lab.studies.plan.prices import Prices
 from virtual_lab.studies.plan.searching import PlanRow, Search
@@ -90,7 +86,6 @@ def plan(
     target_u: AboveZero,
     bat: AnyBat = "r161",
     prices: AnyDocument | None = None,
-    history: ResultFolders = (),
     laboratories: HundredOrMore = 1000,
     seed: Seed = 1,
     workers: Positive = 1,
@@ -147,10 +142,6 @@ def plan(
         price. Its keys are ``tests``, ``per_minute``, ``per_ball`` and ``instruments``, each
         with value, unit and source; ``virtual-lab template prices FILE`` writes an empty one. Only
         instruments with a price are exchanged.
-    history
-        Result folders of at least three earlier tests of the same bat by the same procedure, or one
-        folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these tests or
-        days. Their scatters must agree by Bartlett's test.
     laboratories
         Number of simulated tests per plan, at least 100; more where the search needs them.
     seed
@@ -172,10 +163,9 @@ def plan(
     Raises
     ------
     InputError
-        A name is unknown. No test of the present laboratory has a
-        result, or its laboratories cannot be simulated side by side. The file of prices has an
-        unknown or missing key, an unknown instrument, two currencies, or a sheet that cannot be
-        read. The history has fewer than three days, another metric, or days that differ.
+        A name is unknown. No test of the present laboratory has a result, or its laboratories
+        cannot be simulated side by side. The file of prices has an unknown or missing key, an
+        unknown instrument, two currencies, or a sheet that cannot be read.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     setup = TestSetup.of(bat, procedure=procedure)
@@ -184,12 +174,9 @@ def plan(
     if prices is not None:
         priced = Prices.read(prices)
         offers = priced.offers(Path("prices" if isinstance(prices, Mapping) else prices), rigs)
-    days = read_history(paths_of(history), setup) if history else None
     progress("tests of the present laboratory")
-    balls = balls_of(days, bat, procedure, seed) if days else {}
-    with catalog.sheets_in_place(balls):
-        planned = PlannedLaboratory.of(bat, procedure, offers, seed, workers)
-        return _plans(Search(planned, target_u, laboratories, priced), progress)
+    planned = PlannedLaboratory.of(bat, procedure, offers, seed, workers)
+    return _plans(Search(planned, target_u, laboratories, priced), progress)
 
 
 def _plans(search: Search, progress: Progress) -> LaboratoryPlans:

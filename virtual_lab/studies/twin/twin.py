@@ -24,7 +24,6 @@ from virtual_lab.output.tables import record, table_text
 from virtual_lab.parameters import AnyLaboratory, Folder, HundredOrMore, Seed
 from virtual_lab.studies.foreign import certify_records, replaced_rigs
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
-from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
 from virtual_lab.studies.twin.quantities import TwinQuantity, compare_quantities
 from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, differing_readings
@@ -40,11 +39,6 @@ FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
 WORDS = (
     "Twin: the day simulated again with the bat, balls and instruments that the records state.\n"
     "Error: result of such a day minus the stated value. SI: unit of the quantity, 1 or m/s."
-)
-IMPROVEMENT_WORDS = (
-    "Changes that lower the u of the metric most. Planned: from the budget. The errors are those\n"
-    "of as many days with the change. Half the u of an instrument leaves the scatter of the hits\n"
-    "as it is; 'virtual-lab plan' halves the scatter of a cannon, too."
 )
 QUIET = (
     "The hits of the records agree better than their instruments and aim make likely; on the days\n"
@@ -72,7 +66,6 @@ class Twin(StudyResult):
     rows: list[TwinQuantity]
     full_days: int = 0  # number of days with every edge and count that gave a result
     readings: tuple[TwinReading, ...] = ()  # () without such days
-    improvements: tuple[Improvement, ...] = ()  # changes that lower u most
     faults: tuple[NoticedFault, ...] = ()  # faults that the laboratory can have, if requested
     remark: str = ""  # readings in which the days differ from the records
 
@@ -94,8 +87,6 @@ class Twin(StudyResult):
         days = f"{self.invalid} of the {self.days} days were INVALID and are left out."
         words = "\n".join(part for part in (WORDS, days, self.remark) if part)
         parts = [self.title, table_text(self.rows), words]
-        if self.improvements:
-            parts += [table_text(self.improvements), IMPROVEMENT_WORDS]
         if self.readings:
             least = f"The smallest that {self.full_days} days can show is {self.smallest:.3f}."
             parts += [table_text(self.readings), f"{READING_WORDS}\n{least}"]
@@ -107,15 +98,11 @@ class Twin(StudyResult):
     @property
     def parts(self) -> dict[str, Sequence[Any]]:
         """Rows of the further tables keyed by name, () if they were not requested."""
-        return {
-            "readings": self.readings,
-            "improvements": self.improvements,
-            "faults": self.faults,
-        }
+        return {"readings": self.readings, "faults": self.faults}
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables of the quantities, of the readings, of the changes and of the faults."""
+        """The tables of the quantities, of the readings and of the faults."""
         others = {f"twin-{name}": frame(rows) for name, rows in self.parts.items() if rows}
         return {self.name: self.table} | others
 
@@ -175,10 +162,8 @@ def twin(
 
     The day is simulated again from its records. The first table has one row per quantity, the
     metric first. It compares the stated u with the standard deviation of the errors of many
-    simulated days. The second table has at most three changes of the laboratory, those with the
-    largest reduction of u. A change halves the u of one instrument, or doubles the number of hits,
-    balls or wall hits. The third table compares readings of the records with the same readings on
-    the simulated days, to find unusual ones. Only records are read, never the sealed true values.
+    simulated days. The second table compares readings of the records with the same readings on the
+    simulated days, to find unusual ones. Only records are read, never the sealed true values.
 
     Parameters
     ----------
@@ -223,12 +208,6 @@ def twin(
     statement = Statement.of(certification)
     playing = TwinDays.fit(statement, seed, min(days, SIDE_BY_SIDE))
     rows, invalid = compare_quantities(certification, playing, days, progress)
-
-    def simulate(changed: TwinDays) -> tuple[float, float, float]:
-        (metric, *_), _ = compare_quantities(certification, changed, days, progress)
-        return metric.error_sd, metric.error_sd_low, metric.error_sd_high
-
-    changes = improvements(certification, playing, simulate)
     noticed: list[NoticedFault] = []
     if faults is not None:
         if not statement.replayed:
@@ -248,7 +227,6 @@ def twin(
         rows=rows,
         full_days=played,
         readings=tuple(readings),
-        improvements=tuple(changes),
         faults=tuple(noticed),
         remark="\n".join(
             [
