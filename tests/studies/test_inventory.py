@@ -99,3 +99,6 @@ def test_the_text_of_a_sheet_can_be_copied_and_used(tmp_path):
     path.write_text(vl.show("pivot-gates", toml=True).text + "\n", "utf-8")
     assert vl.Sheet.of("instruments", path).text == vl.instrument("pivot-gates").text
     assert vl.show("bbcor", toml=True).document["toml"].startswith('name = "bbcor"')
+    for kind, function in (("instruments", vl.instrument), ("rigs", vl.rig)):
+        shown = vl.show(f"{kind}/ball-cannon", toml=True)
+        assert shown.text == function("ball-cannon").text.rstrip()

@@ -198,8 +198,7 @@ def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate 
     ----------
     name
         A name in the catalog, the .toml file of a bat, a result folder, or its
-        ``certificate.json``.
-
+        ``certificate.json``. If two kinds have the name, ``rigs/NAME`` is that of the kind rigs.
     toml
         Print the text of the sheet, to be copied and changed.
 
@@ -210,14 +209,14 @@ def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate 
         bat, or the folder or .json file contains no certificate.
     """
     name = str(name)
-    for kind in catalog.KINDS if toml else ():
-        if name in catalog.names(kind):
-            return ShownText(text=catalog.text(kind, name).rstrip())
+    wanted, _, entry = name.rpartition("/")
+    for kind in catalog.KINDS:
+        if wanted in ("", kind) and entry in catalog.names(kind):
+            if toml:
+                return ShownText(text=catalog.text(kind, entry).rstrip())
+            return _sheet(kind, entry)
     if name.endswith(".json"):
         return ShownCertificate(certificate=read_document(Path(name)))
-    for kind in catalog.KINDS:
-        if name in catalog.names(kind):
-            return _sheet(kind, name)
     if name.endswith(".toml"):
         return _sheet("bats", name)
     if Path(name).is_dir():
