@@ -27,7 +27,7 @@ from virtual_lab.video.clips.clip import Clip, open_clip
 from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs, measure
 from virtual_lab.video.follow.knowledge import FILE, STATED_LEVEL_U, ClipKnowledge
-from virtual_lab.video.follow.searching import FlightsFound
+from virtual_lab.video.follow.searching import FlightsFound, search
 from virtual_lab.video.show.course import course_of, names_of
 from virtual_lab.video.show.tracked_clip import track_clip
 
@@ -72,6 +72,20 @@ def test_positions_in_metres_are_the_path_of_the_speeds(tmp_path: Path) -> None:
         moved = [one["x_m"][-1] - one["x_m"][0], one["y_m"][0] - one["y_m"][-1]]
         flown = [np.trapezoid(one[f"{way}_m_per_s"], one["time_s"]) for way in ("right", "up")]
         assert moved == pytest.approx(flown, abs=0.002)  # 5 % of .4 m without the perspective
+
+
+def test_a_click_refers_to_the_picture_of_its_frame(followed: Get) -> None:
+    """A camera that moves by 90 px shows the ball elsewhere than the still frame does."""
+    _, result = followed("thrown-on-wall")
+    blobs = result.watched.blobs.copy()
+    blobs["picture_x"] += 90.0
+    moved, same = replace(result.watched, blobs=blobs), np.zeros(result.clip.count, bool)
+    way = result.ways[1]
+    (x, y), frame = way.xy[4], int(way.frames[4])
+    for off in (0, 90):
+        clicked = replace(result.knowledge, ball_at=(x + off, y, frame))
+        ways = search(result.clip, moved, clicked, same).ways
+        assert any(frame in each.frames for each in ways) == (off == 90)
 
 
 @pytest.mark.parametrize("name", ["carried", "pendulum", "empty"])

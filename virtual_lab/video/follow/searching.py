@@ -117,15 +117,16 @@ def _read(
 
 def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
     """Return whether a piece belongs to the selected ball: it passes `at` or looks like it."""
-    x, y, frame = at
+    (x, y, frame), blobs = at, watched.blobs
+    away = np.hypot(blobs["picture_x"] - x, blobs["picture_y"] - y)
     here = piece.frames == frame
     if here.any():
-        return bool(np.hypot(*(piece.xy[here][0] - (x, y))) < 1.5 * piece.radius)
-    some = watched.blobs[watched.blobs["frame"] == frame]
-    if not len(some):
+        return bool(away[piece.blobs[here][0]] < 1.5 * piece.radius)
+    some = np.flatnonzero(blobs["frame"] == frame)
+    if not some.size:
         return True
-    one = some[int(np.argmin(np.hypot(some["x"] - x, some["y"] - y)))]
-    colour = np.median(watched.blobs["colour"][piece.blobs], axis=0) - one["colour"]
+    one = blobs[some[away[some].argmin()]]
+    colour = np.median(blobs["colour"][piece.blobs], axis=0) - one["colour"]
     return bool(0.6 < piece.radius / one["radius"] < 1.6 and np.abs(colour).max() < 60)
 
 
