@@ -224,3 +224,24 @@ def test_a_path_that_does_not_show_a_fall_is_no_flight(
     )
     fit = fit_of_falls(scene, [Piece.of(blobs, np.arange(count), late)])
     assert (fit is not None) == falls
+
+
+@pytest.mark.parametrize("fall", [None, 5 * PULL / RADIUS])
+@pytest.mark.parametrize(("count", "falls"), [(24, True), (50, False)])
+def test_a_ball_that_moves_on_beyond_its_path_must_fall(
+    count: int, falls: bool, fall: float | None
+) -> None:
+    """Parts of a hand's path are lines or parabolas by chance; a ball in flight would fly on.
+
+    With an expected fall, the path bends by more than a radius, as with a wrong frame rate.
+    """
+    late = np.arange(float(count))
+    turned = np.maximum(late - 23, 0) / 8
+    right, down = 4 * np.minimum(late, 23) + 32 * np.sin(turned), 32 - 32 * np.cos(turned)
+    down += (PULL / 2 if fall else 0.0) * np.minimum(late, 23) ** 2
+    blobs = blobs_of(100 + np.stack([right, down], axis=1))
+    scene = FlightScene(
+        blobs=blobs, time=late, stamped=late, size=(960, 540), exposure=0.5, fall=fall
+    )
+    fit = fit_of_falls(scene, [Piece.of(blobs, np.arange(24), late[:24])])
+    assert (fit is not None) == falls

@@ -12,7 +12,7 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.flights import beside, explained_share
+from virtual_lab.video.follow.flights import EXPLAINED, beside, explained_share
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.knowledge import BALL, FILE, GIVEN, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import STEEPEST, FittedFlights
@@ -26,7 +26,6 @@ DRIFT_MATTERS = 0.002  # largest tolerated hidden drift [share of a flight's spe
 # largest allowed difference from g, or between two scales: in standard uncertainties, and as a
 # share, whichever is larger
 APART = (3.0, 0.04)
-EXPLAINED = 0.85  # smallest share of a moving ball's frames that flights must span
 # acceleration beyond which the frame rate must be wrong [g], because no ball's size is that wrong
 ABSURD = 3.0
 DIAMETERS = (5e-3, 1.0)  # possible diameters of a ball [m]

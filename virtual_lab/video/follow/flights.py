@@ -50,6 +50,7 @@ class FlightSearch:
 
 
 FLIGHTS = FlightSearch()
+EXPLAINED = 0.85  # smallest share of a moving ball's frames that flights must span
 REST = 0.05  # smallest motion per frame of a ball that does not rest [ball radii]
 
 
@@ -61,15 +62,13 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     flights, or if their fit shows that the ball does not fall (`fit_of_falls`).
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
-    if not flights:
-        return [], None
     for _ in range(4):
+        if not flights:
+            return [], None
         flights = _align(scene, flights, fit_flights(scene, flights))
         flights = without_contacts(scene, _refill(scene, flights, fit_flights(scene, flights)))
         flights = [each for each in flights if len(each.t) >= GROWTH.least_places]
-        if not flights:
-            return [], None
-    fit = fit_of_falls(scene, flights)
+    fit = fit_of_falls(scene, flights) if flights else None
     return (flights, fit) if fit else ([], None)
 
 
@@ -80,22 +79,24 @@ def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
 
     * The positions scatter too much.
     * The motion is that of a pendulum.
-    * No flight bends visibly or extends over two radii, so the ball may be held.
-    * The flights bend less than half as much as those of a falling ball.
+    * No flight bends visibly. They are shorter than two radii, or the ball also moves in many
+      other frames (`explained_share`), so it may be held.
+    * The flights bend less than half as much as those of a falling ball, and by less than a
+      radius, or the ball also moves in many other frames.
     """
     fit = fit_flights(scene, flights)
     right, down = fit.pull[0]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
     # The acceleration of a pendulum is to the side.
     aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright
-    radius = max(each.radius for each in flights)
-    moved = max(float(np.ptp(each.xy, axis=0).max()) for each in flights)
+    radius, moved = np.max([(e.radius, np.ptp(e.xy, axis=0).max()) for e in flights], axis=0)
     _, pixels, share = FLIGHTS.smooth
     bent, expected = bend_of(flights, fit.size), scene.gravity_of(radius) or 0.0
     rough = fit.spread > max(FLIGHTS.room * radius, pixels, share * bent * radius)
-    # A ball that neither bends its path nor moves may be held, as may one without visible gravity.
-    held = aside if bent > FLIGHTS.shown_sag else moved < FLIGHTS.path * radius
-    if bent < FLIGHTS.sag and bend_of(flights, expected) > FLIGHTS.shown_sag:
+    # A path that bends too little shows no fall if it is short, or if the ball moves elsewhere too.
+    vague = moved < FLIGHTS.path * radius or explained_share(scene, flights) < EXPLAINED
+    held = aside if bent > FLIGHTS.shown_sag else vague
+    if (vague or bent < FLIGHTS.sag) and bend_of(flights, expected) > FLIGHTS.shown_sag:
         held |= fit.size * (1 + 2 * u) < expected / 2
     return None if rough or held else fit
 
