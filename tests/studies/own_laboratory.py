@@ -126,7 +126,7 @@ def budget(procedure: str, seed: int, place: Path) -> Iterator[Row]:
 
 def table(path: Path) -> list[str]:
     """Return the lines of the page, one per study and procedure."""
-    rows = list(csv.DictReader(path.open()))
+    rows = list(csv.DictReader(path.read_text().splitlines()))
     lines = []
     for study, procedure in dict.fromkeys((row["study"], row["procedure"]) for row in rows):
         ours = [row for row in rows if (row["study"], row["procedure"]) == (study, procedure)]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
-from tests.studies.own_laboratory import play, rms_u, texts_of, write_tester
+from tests.studies.own_laboratory import play, rms_u, table, texts_of, write_tester
 from virtual_lab import api, catalog, lab
 from virtual_lab.api.describing import describe
 from virtual_lab.bench.entrance.review import summary
@@ -292,3 +292,10 @@ def test_fragments_before_the_ball_are_no_scatter_of_its_speed() -> None:
     speeds = np.random.default_rng(5).normal(60.8, 0.18, 60)
     spoilt = np.concatenate([speeds, [59.8, np.nan]])
     assert np.array_equal(without_outliers(spoilt), speeds)
+
+
+def test_the_page_states_the_stored_laboratories() -> None:
+    (stored,) = Path(__file__).parent.glob("own-laboratory-*.csv")
+    page = (Path(vl.__file__).parent / "docs" / "your-laboratory.md").read_text("utf-8")
+    assert stored.name in page
+    assert [line for line in table(stored) if line not in page] == []
