@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,10 @@ from hypothesis import settings
 if TYPE_CHECKING:  # types only: the process that distributes the tests needs no laboratory
     from virtual_lab import lab
     from virtual_lab.simulation.stations.rig import Reality
+
+# Byte code is kept: without it each process of the tests would compile all libraries anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 pytest.register_assert_rewrite("tests.rigs.conformance")
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
