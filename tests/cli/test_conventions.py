@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import ModuleType
 
 import click
 import pytest
@@ -122,15 +123,11 @@ class Old(Terminal):
     encoding = "latin-1"
 
 
-# a notebook's stderr is no terminal, but shows a line that is rewritten
-Notebook = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})
-
-
-@pytest.mark.parametrize(("stream", "mark"), [(Terminal, "█"), (Notebook, "█"), (Old, "#")])
+@pytest.mark.parametrize(("stream", "mark"), [(Terminal, "█"), (Old, "#")])
 def test_progress_is_a_bar_with_the_time_left(
     stream: type[io.StringIO], mark: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The line is rewritten in a terminal and in a notebook, and removed at the end."""
+    """The line is rewritten in a terminal, and removed at the end."""
     monkeypatch.setattr(module, "PATIENCE", 0.02)
     monkeypatch.setattr(module, "BAR_STEP", 0.02)
     monkeypatch.setenv("COLUMNS", "120")
@@ -152,6 +149,44 @@ def test_progress_is_a_bar_with_the_time_left(
     with show_progress(quick := stream()) as progress:
         progress("bats")
     assert quick.getvalue() == ""
+
+
+class Display:
+    """`display` of a notebook: the outputs that a saved notebook would have, and all texts."""
+
+    def __init__(self) -> None:
+        self.outputs: list[dict[str, str]] = []
+        self.texts: list[str] = []
+
+    def __call__(self, data: dict[str, str], *, raw: bool, display_id: bool) -> Display:
+        assert raw
+        assert display_id
+        self.outputs.append(data)
+        return self
+
+    def update(self, data: dict[str, str], *, raw: bool) -> None:
+        assert raw
+        self.outputs[-1] = data
+        self.texts.append(data["text/plain"])
+
+
+def test_a_notebook_keeps_one_empty_output_of_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    module_of_display = ModuleType("IPython.display")
+    module_of_display.display = display = Display()  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
+    monkeypatch.setitem(sys.modules, "IPython.display", module_of_display)
+    monkeypatch.setattr(module, "PATIENCE", 0.02)
+    monkeypatch.setattr(module, "BAR_STEP", 0.02)
+    notebook = type("OutStream", (io.StringIO,), {"__module__": "ipykernel.iostream"})
+    with show_progress(output := notebook()) as progress:
+        progress("laboratories", 70, 100)
+        for _ in range(1000):  # 10 s at most
+            if len(display.texts) < 2:
+                time.sleep(0.01)
+    assert output.getvalue() == ""
+    assert display.outputs == [{"text/plain": ""}]
+    assert len(display.texts) > 2
+    assert any("█" in text and "70 of 100" in text for text in display.texts)
 
 
 @pytest.mark.parametrize(

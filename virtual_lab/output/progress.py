@@ -1,6 +1,7 @@
 """Progress of long computations: amount done, and time left.
 
-On a terminal and in a notebook one line with a bar is updated; in a pipe a line is written every
+On a terminal and in a notebook one line with a bar is updated (a saved notebook keeps it as one
+output, empty at the end); in a pipe a line is written every
 ten seconds, so that a log shows that the program is running. While a kernel is compiled, the line
 names it. Computations of less than two seconds show nothing, and load no tqdm.
 """
@@ -12,6 +13,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
+from io import StringIO
 from shutil import get_terminal_size
 from typing import Protocol, TextIO
 
@@ -110,11 +113,26 @@ class _Status:
 
 
 def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
-    bar = stream.isatty() or type(stream).__module__.startswith("ipykernel")  # or a notebook
+    notebook = type(stream).__module__.startswith("ipykernel")
+    bar = stream.isatty() or notebook
     write = _write_bar if bar else _write_lines
     if not over.wait(PATIENCE if bar else PIPE_STEP):
         with suppress(OSError, ValueError):  # the reader has closed the stream
-            write(status, stream, over)
+            write(status, _CellOutput() if notebook else stream, over)
+
+
+class _CellOutput(StringIO):
+    """An output of a notebook's cell that shows the last text written."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        display = import_module("IPython.display").display
+        self.update = display({"text/plain": ""}, raw=True, display_id=True).update
+
+    def write(self, text: str) -> int:
+        if text:
+            self.update({"text/plain": text.strip()}, raw=True)
+        return len(text)
 
 
 def _write_bar(status: _Status, stream: TextIO, over: threading.Event) -> None:
