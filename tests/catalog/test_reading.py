@@ -35,6 +35,7 @@ from virtual_lab.streams import Quiet
 from virtual_lab.studies.bats.profile import GameConditions
 
 DATA = Path(__file__).parents[2] / "data"
+PUBLISHED = Path(__file__).parents[1] / "studies" / "reference" / "published.csv"
 INSTRUMENTS = {
     "air": HallAirSpec,
     "camera": CameraSpec,
@@ -147,7 +148,7 @@ def test_every_source_key_is_explained() -> None:
     for path in sorted(DATA.rglob("*/*.toml")):
         document = tomllib.loads(path.read_text("utf-8"))
         file_of_key.update(dict.fromkeys(_sources(document), path))
-    for path in sorted(DATA.glob("*/*.csv")):
+    for path in [*sorted(DATA.glob("*/*.csv")), PUBLISHED]:
         with path.open(encoding="utf-8", newline="") as file:
             rows = csv.DictReader(line for line in file if not line.startswith("#"))
             file_of_key.update(dict.fromkeys((r["source"] for r in rows if r.get("source")), path))

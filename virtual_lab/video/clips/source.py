@@ -22,7 +22,6 @@ Frame = NDArray[Any]  # pixels of 8 or 16 bits, unsigned
 # pairs of a frame (None: not wanted) and its time stamp [s] (NaN: none)
 Stamped = Iterator[tuple[Any, float]]
 Wanted = Callable[[int], bool]  # whether the frame with a number must be decoded
-MARGIN = 16  # frames that a search in a video starts before the frame: stamps may be uneven
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,14 +68,15 @@ class Source:
         search by number may end at another frame.
         """
         stamp = stamps[number]
-        before = max(0, number - MARGIN) if stamps.count(stamp) == 1 else 0
-        start = number if isnan(stamp) else before
-        while start and not isnan(stamp):
-            frames = self.read(lambda _: True, start)
+        known = not isnan(stamp) and stamps.count(stamp) == 1
+        back = 1 if known else number
+        while back < number:
+            frames = self.read(lambda _: True, number - back)
             frame, at = next((each for each in frames if each[1] >= stamp), (None, nan))
             if at == stamp:
                 return frame
-            start //= 2
+            back *= 4
+        start = number if isnan(stamp) else 0
         return next(islice(self.read(lambda each: each == number, start), number - start, None))[0]
 
 
