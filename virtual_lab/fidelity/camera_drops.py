@@ -32,9 +32,9 @@ def dropped_frames(
     * ``rms_unflagged`` is the relative rms error of the measured incoming speed, over all balls
       without a flag.
     * ``pictures`` is the number of balls. ``unsaid`` is the number of balls with a wrong speed and
-    no
-      flag, and ``flagged`` is the number of balls with a flag. ``lost`` is 0.
-    * ``state`` is a value of `State`. It follows from the rms error of all incoming speeds.
+      no flag. ``flagged`` is the number of balls with a flag, and ``lost`` of those without a
+      flight, which count as flagged.
+    * ``state`` is a value of `PictureState`. It follows from the rms error of all incoming speeds.
 
     Parameters
     ----------
@@ -51,11 +51,8 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
     draws = Streams(1)
     name = f"{count} of {error:g}"
     middle = np.round(2 + (frames - 5) * (draws.uniform(f"{name}: where", flights) + 0.5))
-    relative_error, flagged, beyond = (
-        np.empty(flights),
-        np.zeros(flights, bool),
-        np.zeros(flights, bool),
-    )
+    relative_error = np.full(flights, np.nan)
+    flagged, beyond = np.zeros((2, flights), bool)
     for k, first in enumerate(middle.astype(int)):
         t = np.arange(2 * frames + count) - frames - count + 0.5
         x = np.where(t < 0, speed_in * t, speed_out * t)
@@ -67,6 +64,8 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         )
         flights_found, scene = _follow(measured)
         flagged[k] = bool(scene.lost(flights_found)) or len(flights_found) != 2
+        if not flights_found:
+            continue
         incoming = flights_found[0]
         incoming = replace(incoming, u=np.full(len(incoming.t), error), sharp=True)
         still = replace(scene, pull=np.zeros(2), drag=(0.0, 0.0))
@@ -92,12 +91,12 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         "pictures": flights,
         "unsaid": unsaid,
         "flagged": int(flagged.sum()),
-        "lost": 0,
+        "lost": int(np.isnan(relative_error).sum()),
     }
 
 
 def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))
+    return float(np.sqrt(np.mean(error[np.isfinite(error)] ** 2)))
 
 
 def _last_speed(fit: Fit) -> float:
