@@ -19,7 +19,7 @@ if TYPE_CHECKING:  # types only: the process that distributes the tests needs no
     from virtual_lab import lab
     from virtual_lab.simulation.stations.rig import Reality
 
-# Byte code is kept: without it each process of the tests would compile all libraries anew.
+# Byte code is kept: without it each process of the tests would compile all libraries again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or each run would compile all tests anew
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # see conftest.py
 sys.dont_write_bytecode = False
 
 ROOT = Path(__file__).parents[1]
@@ -174,7 +174,7 @@ def _first_failure(copy: Path, tests: Sequence[str]) -> str:
         os._exit(0)
     os.waitpid(child, 0)
     with suppress(ProcessLookupError):
-        os.killpg(child, signal.SIGKILL)  # what its tests started
+        os.killpg(child, signal.SIGKILL)  # the tests may have started processes
     return report.read_text()
 
 
@@ -192,7 +192,7 @@ def _run_tests(copy: Path, tests: Sequence[str], report: Path) -> None:
     null = os.open(os.devnull, os.O_RDWR)
     for stream in range(3):
         os.dup2(null, stream)
-    signal.alarm(60 * LIMIT)  # of a test that waits for ever
+    signal.alarm(60 * LIMIT)  # a test that waits uses no processor time
     resource.setrlimit(resource.RLIMIT_CPU, (LIMIT, LIMIT + 5))
     signal.signal(signal.SIGPROF, stop)
     os.chdir(copy)

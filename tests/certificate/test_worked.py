@@ -94,7 +94,7 @@ def same(found: Any, expected: Any, where: str, rel: float = 1e-7) -> Iterator[s
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_number_of_the_document_follows_from_the_records(case: str) -> None:
-    told, expected = document(case), by_hand(case)
+    stated, expected = document(case), by_hand(case)
     plain = (
         "metric",
         "bat",
@@ -118,12 +118,12 @@ def test_every_number_of_the_document_follows_from_the_records(case: str) -> Non
     wrong = [
         each
         for name in (*plain, *sorted(quantities))
-        for each in same(told[name], expected[name], name)
+        for each in same(stated[name], expected[name], name)
     ]
     assert wrong == []
-    assert quantities <= told.keys()
-    assert list(same(told["recoil"]["other"], expected["other"], "other")) == []
-    assert [each["ball"] for each in told["ball"]["set_aside"]] == expected["set_aside"]
+    assert quantities <= stated.keys()
+    assert list(same(stated["recoil"]["other"], expected["other"], "other")) == []
+    assert [each["ball"] for each in stated["ball"]["set_aside"]] == expected["set_aside"]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -162,10 +162,10 @@ def test_every_line_of_the_budget_follows_from_the_records(case: str) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_rejected_hit_breaks_the_stated_window(case: str) -> None:
-    expected, told = by_hand(case)["reasons"], document(case)["shots"]
+    expected, stated = by_hand(case)["reasons"], document(case)["shots"]
     rejected = {hit["shot"]: hit["reason"] for hit in document(case)["rejected_hits"]}
-    assert rejected == {shot["shot"]: shot["reason"] for shot in told if shot["reason"]}
-    for shot, (word, number) in zip(told, expected, strict=True):
+    assert rejected == {shot["shot"]: shot["reason"] for shot in stated if shot["reason"]}
+    for shot, (word, number) in zip(stated, expected, strict=True):
         assert word in shot["reason"]
         assert bool(word) == bool(shot["reason"])
         if math.isfinite(number):
@@ -174,31 +174,31 @@ def test_every_rejected_hit_breaks_the_stated_window(case: str) -> None:
 
 
 def test_the_width_of_a_scan_follows_from_the_records() -> None:
-    told, expected = document("bbcor")["width_m"], by_hand("bbcor")["width_m"]
-    assert told["value"] == pytest.approx(expected["value"], rel=1e-5)
-    assert told["u"] == pytest.approx(expected["u"], rel=1e-3)
-    assert (told["from_in"], told["to_in"]) == pytest.approx(
+    stated, expected = document("bbcor")["width_m"], by_hand("bbcor")["width_m"]
+    assert stated["value"] == pytest.approx(expected["value"], rel=1e-5)
+    assert stated["u"] == pytest.approx(expected["u"], rel=1e-3)
+    assert (stated["from_in"], stated["to_in"]) == pytest.approx(
         (expected["low"] / INCH, expected["high"] / INCH), rel=1e-5
     )
-    assert told["drop"] == 0.01
+    assert stated["drop"] == 0.01
     assert [case for case in CASES if document(case)["width_m"]] == ["bbcor", CONTROLLED]
 
 
 def test_the_ratio_of_the_control_bat_is_measured_over_known_e() -> None:
     """The ratio is e of its records over 0.5, by hand; the bat's e is divided by it."""
     own = worked(folder(CONTROLLED) / "control" / "records")["restitution"]
-    told = document(CONTROLLED)["ball_correction"]
-    assert (told["method"], told["standard"]) == ("control-bat", 0.5)
-    assert told["control"]["value"] == pytest.approx(own["value"] / 0.5, rel=1e-9)
-    assert told["control"]["u"] == pytest.approx(own["u"] / 0.5, rel=1e-7)
-    assert "e 0.5" in told["control"]["source"]
+    stated = document(CONTROLLED)["ball_correction"]
+    assert (stated["method"], stated["standard"]) == ("control-bat", 0.5)
+    assert stated["control"]["value"] == pytest.approx(own["value"] / 0.5, rel=1e-9)
+    assert stated["control"]["u"] == pytest.approx(own["u"] / 0.5, rel=1e-7)
+    assert "e 0.5" in stated["control"]["source"]
 
 
 def test_balls_set_aside_are_in_no_mean() -> None:
     """Ball 6 of this laboratory is too lively; the message states its e0 and the limits."""
-    (told,) = document("astm-f1881")["ball"]["set_aside"]
-    assert told["ball"] == 6
-    assert re.fullmatch(r"e0 0\.5\d{3} at 60 mph, allowed 0\.525 to 0\.555", told["reason"])
+    (stated,) = document("astm-f1881")["ball"]["set_aside"]
+    assert stated["ball"] == 6
+    assert re.fullmatch(r"e0 0\.5\d{3} at 60 mph, allowed 0\.525 to 0\.555", stated["reason"])
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -230,8 +230,8 @@ def test_every_unverified_value_is_the_procedures(case: str) -> None:
                 unit = "" if each["unit"] == "1" else f" {each['unit']}"
                 yield f"{above}{key}", f"{each['value']}{unit}", each["source"]
 
-    told = [(each["key"], each["value"], each["source"]) for each in document(case)["unverified"]]
-    assert sorted(told) == sorted(doubtful(sheet))
+    stated = [(each["key"], each["value"], each["source"]) for each in document(case)["unverified"]]
+    assert sorted(stated) == sorted(doubtful(sheet))
 
 
 # section: the page
@@ -279,7 +279,7 @@ def words(case: str) -> str:
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_bat_is_the_documents_in_both_units(case: str) -> None:
-    told, rows = document(case)["bat"], rows_under(case, "The bat as measured")
+    stated, rows = document(case)["bat"], rows_under(case, "The bat as measured")
     units = {
         "Mass": ("mass_kg", "oz", OUNCE, "g", 1e-3),
         "Length": ("length_m", "in", INCH, "mm", 1e-3),
@@ -292,37 +292,37 @@ def test_the_pages_bat_is_the_documents_in_both_units(case: str) -> None:
         for shown, shown_u, wanted, by in ((value, u, unit, size), (si, si_u, si_unit, si_size)):
             number, _, ending = shown.partition(" ")
             assert ending == wanted
-            assert agrees(number, told[key]["value"] / by), name
-            assert agrees(shown_u, told[key]["u"] / by), name
+            assert agrees(number, stated[key]["value"] / by), name
+            assert agrees(shown_u, stated[key]["u"] / by), name
             assert has_two_digits(shown_u)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_quantities_are_the_documents(case: str) -> None:
-    told = document(case)
+    stated = document(case)
     keys = {
         "Bat performance factor": ("BPF", "bat_performance_factor"),
         "Collision efficiency": ("eA", "collision_efficiency"),
         "Restitution of ball and bat": ("e", "restitution"),
         "Restitution, ball on a wall": ("e0", "ball_restitution"),
-        f"Recoil factor, {told['recoil']['which']} bat": ("r", "recoil_factor"),
+        f"Recoil factor, {stated['recoil']['which']} bat": ("r", "recoil_factor"),
     }
     rows = rows_under(case, "Measured quantities")
-    assert {keys[row[0]][1] for row in rows} == {key for _, key in keys.values() if key in told}
+    assert {keys[row[0]][1] for row in rows} == {key for _, key in keys.values() if key in stated}
     for name, symbol, value, u in rows:
         expected_symbol, key = keys[name]
         assert symbol == expected_symbol
-        assert agrees(value, told[key]["value"])
-        assert agrees(u, told[key]["u"])
+        assert agrees(value, stated[key]["value"])
+        assert agrees(u, stated[key]["u"])
         assert has_two_digits(u)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_result_is_the_documents(case: str) -> None:
-    told, text = document(case)["metric"], words(case)
-    unit, size = (" mph", MPH) if told["name"] == "batted_speed" else ("", 1.0)
-    value, u = told["value"] / size, told["u"] / size
-    low, high = (each / size for each in told["interval_95"])
+    stated, text = document(case)["metric"], words(case)
+    unit, size = (" mph", MPH) if stated["name"] == "batted_speed" else ("", 1.0)
+    value, u = stated["value"] / size, stated["u"] / size
+    low, high = (each / size for each in stated["interval_95"])
     (found,) = re.findall(
         rf"= ([\d.]+) ± ([\d.]+){unit} 95 % interval [\d.]+ to [\d.]+ "
         r"\(k = ([\d.]+), ν = ([\d.∞]+)\)",
@@ -332,38 +332,38 @@ def test_the_pages_result_is_the_documents(case: str) -> None:
     assert agrees(found[1], high - value)
     assert has_two_digits(found[1])
     assert agrees(found[2], (high - value) / u)
-    assert agrees(found[3], told["dof"])
+    assert agrees(found[3], stated["dof"])
     (found,) = re.findall(r"interval ([\d.]+) to ([\d.]+)", text)
     assert agrees(found[0], low)
     assert agrees(found[1], high)
     (found,) = re.findall(
         r"Combined type A contributions: ([\d.]+)\. Combined type B contributions: ([\d.]+)\.", text
     )
-    assert agrees(found[0], told["u_type_a"] / size)
-    assert agrees(found[1], told["u_type_b"] / size)
+    assert agrees(found[0], stated["u_type_a"] / size)
+    assert agrees(found[1], stated["u_type_b"] / size)
     (limit,) = re.findall(r"Limit of \w+: (none|\d+\.\d+)", text)
-    assert limit == "none" if told["limit"] is None else agrees(limit, told["limit"] / size)
+    assert limit == "none" if stated["limit"] is None else agrees(limit, stated["limit"] / size)
     assert f"The test has {document(case)['valid_hits']} valid hits" in text
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_sentences_have_the_documents_numbers(case: str) -> None:
-    told, text = document(case), words(case)
+    stated, text = document(case), words(case)
 
     def number(pattern: str) -> str:
         (found,) = re.findall(pattern, text)
         return str(found)
 
-    speed = told["v_rel_mph"]
+    speed = stated["v_rel_mph"]
     assert agrees(
         number(r"Mean relative speed of ball and bat in the valid hits: ([\d.]+) mph"), speed
     )
     assert agrees(number(r"in the valid hits: [\d.]+ mph \(([\d.]+) m/s\)"), speed * MPH)
-    assert agrees(number(r"Nominal speed of the ball: ([\d.]+) mph"), told["nominal_speed_mph"])
-    if told["nominal_bat_speed_mph"]:
+    assert agrees(number(r"Nominal speed of the ball: ([\d.]+) mph"), stated["nominal_speed_mph"])
+    if stated["nominal_bat_speed_mph"]:
         swung = number(r"of the bat 6 in from its tip: ([\d.]+) mph")
-        assert agrees(swung, told["nominal_bat_speed_mph"])
-    place = told["impact_position_in"]
+        assert agrees(swung, stated["nominal_bat_speed_mph"])
+    place = stated["impact_position_in"]
     assert agrees(
         number(r"mpact position(?: of the result)?: ([\d.]+) in \([\d.]+ mm\) from the barrel end"),
         place,
@@ -371,8 +371,8 @@ def test_the_pages_sentences_have_the_documents_numbers(case: str) -> None:
     assert agrees(
         number(r"mpact position(?: of the result)?: [\d.]+ in \(([\d.]+) mm\)"), place * 25.4
     )
-    other = told["recoil"]["other"]
-    which = {"free": "pivoted", "pivoted": "free"}[told["recoil"]["which"]]
+    other = stated["recoil"]["other"]
+    which = {"free": "pivoted", "pivoted": "free"}[stated["recoil"]["which"]]
     given = (
         rf"recoil factor of a {which} bat, r = (\d\S+), the same eA would give e = (\d\S+) "
         r"and BPF = ([\d.]+)"
@@ -382,36 +382,36 @@ def test_the_pages_sentences_have_the_documents_numbers(case: str) -> None:
         found, ("recoil_factor", "restitution", "bat_performance_factor"), strict=True
     ):
         assert agrees(shown.rstrip(".,"), other[key])
-    if told["choice"]:
-        assert agrees(number(r"final hits plus (\d\.\d+)"), told["choice"]["correction"])
-    if told["ball_correction"] and told["ball_correction"]["control"]:
-        control = told["ball_correction"]["control"]
+    if stated["choice"]:
+        assert agrees(number(r"final hits plus (\d\.\d+)"), stated["choice"]["correction"])
+    if stated["ball_correction"] and stated["ball_correction"]["control"]:
+        control = stated["ball_correction"]["control"]
         assert agrees(number(r"divided by ([\d.]+) \(u"), control["value"])
         assert agrees(number(r"divided by [\d.]+ \(u = ([\d.]+)\)"), control["u"])
-    if told["width_m"]:
-        width = told["width_m"]
+    if stated["width_m"]:
+        width = stated["width_m"]
         (found,) = re.findall(
             r"over ([\d.]+) in \(u = ([\d.]+) in\) of the barrel, from ([\d.]+) in to ([\d.]+) in",
             text,
         )
         shown = (width["value"] / INCH, width["u"] / INCH, width["from_in"], width["to_in"])
         assert all(map(agrees, found, shown))
-    for each in told["ball"]["set_aside"]:
+    for each in stated["ball"]["set_aside"]:
         assert f"ball {each['ball'] + 1} set aside: {each['reason']}" in text
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_hits_are_the_documents(case: str) -> None:
-    told, rows = document(case), rows_under(case, "Hits")
-    size = MPH if told["metric"]["name"] == "batted_speed" else 1.0
+    stated, rows = document(case), rows_under(case, "Hits")
+    size = MPH if stated["metric"]["name"] == "batted_speed" else 1.0
     columns = ["shot"]
-    columns += ["impact_position_in"] if told["places"] else []
+    columns += ["impact_position_in"] if stated["places"] else []
     columns += ["speed_mph"]
-    columns += ["bat_speed_mph"] if told["nominal_bat_speed_mph"] else []
-    columns += ["recoil_rad_per_s", "recoil_efficiency"] if told["ring"] else []
+    columns += ["bat_speed_mph"] if stated["nominal_bat_speed_mph"] else []
+    columns += ["recoil_rad_per_s", "recoil_efficiency"] if stated["ring"] else []
     columns += ["rebound_efficiency", "value"]
-    assert len(rows) == len(told["shots"])
-    for row, shot in zip(rows, told["shots"], strict=True):
+    assert len(rows) == len(stated["shots"])
+    for row, shot in zip(rows, stated["shots"], strict=True):
         assert len(row) == len(columns) + 1
         for shown, key in zip(row, columns, strict=False):
             if key == "shot":
@@ -426,10 +426,10 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_means_along_the_barrel_are_the_documents(case: str) -> None:
     """Speeds and their u in mph; a mean of one hit has no u."""
-    told, rows = document(case)["along"], rows_under(case, "Along the barrel")
-    assert len(rows) == (len(document(case)["places"]) if told else 0)
+    stated, rows = document(case)["along"], rows_under(case, "Along the barrel")
+    assert len(rows) == (len(document(case)["places"]) if stated else 0)
     for number, (_, hits, *shown) in enumerate(rows):
-        for each, mean, u in zip(told["quantities"], shown[::2], shown[1::2], strict=True):
+        for each, mean, u in zip(stated["quantities"], shown[::2], shown[1::2], strict=True):
             size = MPH if each["unit"] == "m/s" else 1.0
             assert agrees(mean, each["mean"][number] / size)
             assert (u == "–") == (hits == "1") == (each["u"][number] is None)
@@ -442,7 +442,7 @@ def test_the_pages_means_along_the_barrel_are_the_documents(case: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_air_is_the_documents(case: str) -> None:
     """0 °C is 273.15 K, a humidity of 1 is 100 %, 1 hPa is 100 Pa; each u has two digits."""
-    told = document(case)
+    stated = document(case)
     (air,) = [
         each.text or ""
         for part in page(case).iter("dl")
@@ -451,7 +451,7 @@ def test_the_pages_air_is_the_documents(case: str) -> None:
     ]
     *shown, density = air.split("; ")
     zeros, sizes = (273.15, 0.0, 0.0), (1.0, 0.01, 100.0)
-    for line, each, zero, size in zip(shown, told["conditions"], zeros, sizes, strict=True):
+    for line, each, zero, size in zip(shown, stated["conditions"], zeros, sizes, strict=True):
         start, end, u = re.findall(r"[\d.]+", line)
         assert agrees(start, each["at_start"] / size - zero)
         assert agrees(end, each["at_end"] / size - zero)
@@ -459,27 +459,27 @@ def test_the_pages_air_is_the_documents(case: str) -> None:
         assert has_two_digits(u)
         assert {len(part.partition(".")[2]) for part in (start, end)} == {len(u.partition(".")[2])}
     value, u = re.findall(r"\d+\.\d+", density)
-    assert agrees(value, told["air_density_kg_per_m3"]["value"])
-    assert agrees(u, told["air_density_kg_per_m3"]["u"])
+    assert agrees(value, stated["air_density_kg_per_m3"]["value"])
+    assert agrees(u, stated["air_density_kg_per_m3"]["u"])
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_ball_off_a_bat_at_rest_is_a_rebound_and_no_batted_ball(case: str) -> None:
     """Its speed is e_A times that of the ball; `bbcor` defines no game."""
-    told = document(case)
+    stated = document(case)
     rules = tomllib.loads((folder(case) / "records" / "procedure.toml").read_text("utf-8"))
-    if not told["along"]:
+    if not stated["along"]:
         return
     at_rest = "game" not in rules and "bat_speed" not in rules
     assert at_rest == (case in {"bbcor", CONTROLLED})
-    along = {each["name"]: each for each in told["along"]["quantities"]}
+    along = {each["name"]: each for each in stated["along"]["quantities"]}
     assert ("rebound_speed" in along) == at_rest == ("batted_speed" not in along)
     heads = {"".join(each.itertext()) for each in page(case).iter("th")}
     assert ("rebound speedmph" in heads) == at_rest == ("vfmph" not in heads)
     assert ("rebound speed, mph" in drawing(case, "along")) == at_rest
     if at_rest:
         assert along["rebound_speed"]["unit"] == "m/s"
-        back = told["nominal_speed_mph"] * MPH * np.array(along["collision_efficiency"]["mean"])
+        back = stated["nominal_speed_mph"] * MPH * np.array(along["collision_efficiency"]["mean"])
         assert along["rebound_speed"]["mean"] == pytest.approx(back)
 
 
@@ -491,10 +491,10 @@ SIZES = {
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_budget_is_the_documents(case: str) -> None:
-    told, rows = document(case), rows_under(case, "Uncertainty budget")
-    size = MPH if told["metric"]["name"] == "batted_speed" else 1.0
+    stated, rows = document(case), rows_under(case, "Uncertainty budget")
+    size = MPH if stated["metric"]["name"] == "batted_speed" else 1.0
     *lines, others, combined = rows
-    shown = [line for line in told["budget"] if line["share_percent"] >= 1]
+    shown = [line for line in stated["budget"] if line["share_percent"] >= 1]
     assert len(lines) == len(shown) > 0
     for (_, kind, u, moved, share), line in zip(lines, shown, strict=True):
         number, _, unit = u.partition(" ")
@@ -503,37 +503,37 @@ def test_the_pages_budget_is_the_documents(case: str) -> None:
         assert has_two_digits(number)
         assert agrees(moved, line["contribution"] / size)
         assert agrees(share, line["share_percent"])
-    small = [line for line in told["budget"] if line["share_percent"] < 1]
+    small = [line for line in stated["budget"] if line["share_percent"] < 1]
     assert others[0] == f"All others ({len(small)}), each below 1 %"
     assert agrees(others[3], math.sqrt(sum(line["contribution"] ** 2 for line in small)) / size)
     assert agrees(others[4], sum(line["share_percent"] for line in small))
-    assert agrees(combined[3], told["metric"]["u"] / size)
+    assert agrees(combined[3], stated["metric"]["u"] / size)
 
 
 def test_the_pages_check_by_the_rebound_is_the_documents() -> None:
     case = "astm-f1881"
-    told, text = document(case)["rebound_check"], words(case)
-    assert told["shots"] > 1
+    stated, text = document(case)["rebound_check"], words(case)
+    assert stated["shots"] > 1
     pattern = (
         r"rebound in (\d+) of (\d+) valid hits\. For these hits the mean eA is (\d\S+) by the "
         r"rebound of the ball and (\d\S+) by the recoil of the bat\. The difference is "
         r"(\S+?\d+)[,.]"
     )
     ((shots, valid, rebound, recoil, difference),) = re.findall(pattern, text)
-    assert (int(shots), int(valid)) == (told["shots"], document(case)["valid_hits"])
+    assert (int(shots), int(valid)) == (stated["shots"], document(case)["valid_hits"])
     seen = [each for each in document(case)["shots"] if not each["reason"]]
     seen = [each for each in seen if each["rebound_efficiency"] is not None]
     assert agrees(rebound, np.mean([each["rebound_efficiency"] for each in seen]))
     assert agrees(recoil, np.mean([each["recoil_efficiency"] for each in seen]))
-    assert agrees(difference, told["difference"])
+    assert agrees(difference, stated["difference"])
     ((u,),) = [re.findall(r"uncertainty of ([\d.]+) from the scatter", text)]
-    assert agrees(u, told["u"])
+    assert agrees(u, stated["u"])
 
 
 def test_the_pages_swing_laws_are_the_documents() -> None:
-    rows, told = rows_under("proposed", "Other swing laws"), document("proposed")["swing_range"]
-    assert len(rows) == len(told) == 6
-    for (exponent, value, u, interval, place), row in zip(rows, told, strict=True):
+    rows, stated = rows_under("proposed", "Other swing laws"), document("proposed")["swing_range"]
+    assert len(rows) == len(stated) == 6
+    for (exponent, value, u, interval, place), row in zip(rows, stated, strict=True):
         assert agrees(exponent, row["exponent"])
         assert agrees(value, row["value"] / MPH)
         assert agrees(u, row["u"] / MPH)
@@ -546,9 +546,9 @@ def test_the_pages_swing_laws_are_the_documents() -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_the_text_has_the_documents_numbers(case: str) -> None:
     """For six hits ν is 5 to 20, so t u is not 2 u."""
-    told = document(case)
+    stated = document(case)
     text = certificate_text(read_document(folder(case) / "certificate.json"))
-    metric = told["metric"]
+    metric = stated["metric"]
     size = MPH if metric["name"] == "batted_speed" else 1.0
     (found,) = re.findall(
         r"^  \S+ +([\d.]+) ± ([\d.]+).* \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+), "
@@ -562,16 +562,16 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     assert found[5] == "" if metric["limit"] is None else agrees(found[5], metric["limit"] / size)
     symbols = {"BPF": "bat_performance_factor", "e_A": "collision_efficiency", "e": "restitution"}
     for symbol, key in (symbols | {"r": "recoil_factor", "e0": "ball_restitution"}).items():
-        if key in told:
+        if key in stated:
             *_, found = re.findall(rf"^  {symbol} +([\d.]+) \(u ([\d.]+)\)", text, re.MULTILINE)
-            assert agrees(found[0], told[key]["value"])
-            assert agrees(found[1], told[key]["u"])
+            assert agrees(found[0], stated[key]["value"])
+            assert agrees(found[1], stated[key]["u"])
     laws = re.findall(r"^    ([\d.]+) +([\d.]+) \(u ([\d.]+)\) +([\d.]+)$", text, re.MULTILINE)
-    assert len(laws) == len(told["swing_range"])
-    for shown, row in zip(laws, told["swing_range"], strict=True):
+    assert len(laws) == len(stated["swing_range"])
+    for shown, row in zip(laws, stated["swing_range"], strict=True):
         numbers = (row["exponent"], row["value"] / MPH, row["u"] / MPH, row["impact_position_in"])
         assert all(map(agrees, shown, numbers))
-    width = told["width_m"]
+    width = stated["width_m"]
     found = re.findall(
         r"^  within .* along ([\d.]+) \(u ([\d.]+)\) in of barrel, ([\d.]+) to ([\d.]+) in from",
         text,
@@ -583,8 +583,8 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
         assert all(map(agrees, found[0], sizes))
     form = r"at ([\d.]+) mph \(([\d.]+) m/s\), ([\d.]+) in from the tip"
     (found,) = re.findall(form, text)
-    speed = told["v_rel_mph"]
-    assert all(map(agrees, found, (speed, speed * MPH, told["impact_position_in"])))
+    speed = stated["v_rel_mph"]
+    assert all(map(agrees, found, (speed, speed * MPH, stated["impact_position_in"])))
 
 
 # section: the figures

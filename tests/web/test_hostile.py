@@ -149,7 +149,7 @@ def test_twenty_strangers_disturb_nobody(visitor: Visitor) -> None:
         answers = list(pool.map(lambda _: stranger.ask("/").status, range(20)))
         assert answers == [403] * 20
         assert visitor.ask("/").status == 200
-        path = f"/?token={TOKEN}"  # which was used
+        path = f"/?token={TOKEN}"  # this token has been used
         assert set(pool.map(lambda _: stranger.ask(path).status, range(20))) == {403}
 
 

@@ -52,9 +52,10 @@ class Worker:
             if self.dismissed:
                 raise WorkerLostError("its worker was dismissed")
             if self.process is None:
-                told = None if sys.stderr else DEVNULL  # a program with windows alone has no stderr
+                errors = None if sys.stderr else DEVNULL  # without a terminal there is no stderr
+                one_thread = os.environ | ONE_THREAD
                 self.process = Popen(
-                    self.command, env=os.environ | ONE_THREAD, stdin=PIPE, stdout=PIPE, stderr=told
+                    self.command, env=one_thread, stdin=PIPE, stdout=PIPE, stderr=errors
                 )
             calls, answers = cast("Any", self.process.stdin), cast("Any", self.process.stdout)
         try:

@@ -38,7 +38,7 @@ Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, in
 class StandardDeviation(NamedTuple):
     """A standard deviation estimated from repeated readings, without a part of other causes."""
 
-    total: float  # of the readings
+    total: float  # standard deviation of the readings
     dof: float  # degrees of freedom of `total`
     known: float = 0.0  # variance of the readings that has other causes
 

@@ -194,7 +194,7 @@ def comparison_text(
 
 
 def _hardest_hitters(peaks: Sequence[Peaks]) -> str:
-    """Return which bat hits hardest, and by how much, for each swing law."""
+    """Return the bat with the fastest batted ball, and its lead, for each swing law."""
     answers = []
     for law in dict.fromkeys(row.swing_exponent for row in peaks):
         speeds = {

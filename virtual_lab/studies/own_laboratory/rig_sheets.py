@@ -44,7 +44,7 @@ class StatedNumber:
 
     value: Any  # number or list of numbers, in the unit of the sheet
     record: str  # constant or channel that states it
-    spread: StandardDeviation | None = None  # of readings [SI], for a number that is estimated
+    spread: StandardDeviation | None = None  # scatter of the readings [SI], for an estimated number
 
 
 SheetNumbers = dict[str, StatedNumber | None]  # keyed by key of a sheet; None: key removed
