@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.studies.paper.models import bending_frequency
 from tests.studies.reference import results
 from tests.studies.reference.comparing import FINDERS, compare_number
 from tests.studies.reference.published import Published, read_published
@@ -181,7 +180,7 @@ def test_the_nearest_of_three_gates() -> None:
 
 @pytest.mark.parametrize("mode", [-1, 0, 99])
 def test_a_mode_that_the_model_does_not_have_is_refused(mode: int) -> None:
-    for find in (results.frequency, results.node, lambda bat, mode: bending_frequency(mode)):
+    for find in (results.frequency, results.node):
         with pytest.raises(InputError, match=f"mode = {mode}; allowed: 1 to"):
             find("r161", mode)
 

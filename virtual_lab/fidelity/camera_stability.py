@@ -20,10 +20,9 @@ from virtual_lab.fidelity.camera_errors import score_positions, wrong_unsaid
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Batch, Case
-from virtual_lab.fidelity.drawing import PictureState, draw_maps
+from virtual_lab.fidelity.drawing import PictureState, draw_maps, maps_text
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.tables import table_text
 from virtual_lab.video.locate.located import Located
 
 Row = dict[str, Any]
@@ -66,7 +65,7 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
     )
     return StabilityMap(
         title="stability of the camera",
-        text=_maps_text(rows),
+        text=f"{maps_text(rows, PictureState, ('method', 'ball'))}\n\n{_summary(rows)}",
         rows=rows,
         picture=lambda cells: draw_maps(
             sorted(cells, key=itemgetter("method")),
@@ -124,20 +123,6 @@ def picture_cells(
                     position = {"map": axis, "value": value, "method": method, "ball": ball}
                     rows.append(position | _cell(batch, located))
     return rows
-
-
-def _maps_text(rows: list[Row]) -> str:
-    """Return one table per map as text, with a letter for each state."""
-    parts = [", ".join(f"{state.mark} {state}" for state in PictureState)]
-    for axis in dict.fromkeys(row["map"] for row in rows):
-        table = []
-        map_rows = [row for row in rows if row["map"] == axis]
-        for method, ball in dict.fromkeys((row["method"], row["ball"]) for row in map_rows):
-            line = [row for row in map_rows if (row["method"], row["ball"]) == (method, ball)]
-            marks = {f"{row['value']:g}": PictureState(row["state"]).mark for row in line}
-            table.append({"method": method, "ball": ball} | marks)
-        parts.append(f"{axis}\n{table_text(table)}")
-    return "\n\n".join([*parts, _summary(rows)])
 
 
 def unsaid_share(rows: list[Row], method: str) -> float:

@@ -144,7 +144,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
     )
     return StabilityMap(
         title="stability of the collision",
-        text=maps_text(rows, down),
+        text=f"rows: {down}\n\n{maps_text(rows, State, ('step',))}",
         rows=rows,
         picture=partial(draw_maps, title=title, states=State, down=down, framed="1"),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from itertools import pairwise, product
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -75,23 +76,24 @@ def _short(value: float | str) -> str:
     return f"{value:.0e}".replace("e-0", "e-") if 0 < value < 0.05 else f"{value:g}"
 
 
-def maps_text(rows: Sequence[Row], down: str) -> str:
+def maps_text(rows: Sequence[Row], states: type[CellState], down: Sequence[str]) -> str:
     """Return the maps as text: one table per map, with one letter per cell for its state.
 
-    The first line states `down` and the meaning of the letters. Each element of `rows` is a cell
-    with the keys `map`, `value` (column of the table), `step` (row of the table), `state` and
-    `refused`. `state` is a value of `State`, such as ``good`` or ``unstable``. `refused` is true if
-    the program rejects the settings of the cell; the letter is then in parentheses. `down` is the
-    quantity that varies from row to row of a table.
+    The first line states the meaning of the letters. Each element of `rows` is a cell with the keys
+    `map`, `value` (column of the table), `state`, a value of `states`, those in `down`, which
+    together name the row of the table, and perhaps `refused`. If `refused` is true, the program
+    rejects the settings of the cell; the letter is then in parentheses.
     """
-    key = ", ".join(f"{state.mark} {state}" for state in _used_states(State, rows))
-    parts = [f"rows: {down}; {key}; in parentheses: refused, with its state"]
-    for name, map_rows in _maps(rows, _map_of).items():
-        table: dict[str, Row] = {}
+    parts = [", ".join(f"{state.mark} {state}" for state in _used_states(states, rows))]
+    if any(row.get("refused") for row in rows):
+        parts[0] += "; in parentheses: refused, with its state"
+    for name, map_rows in _maps(rows, itemgetter("map")).items():
+        table: dict[tuple[str, ...], Row] = {}
         for row in map_rows:
-            mark = State(row["state"]).mark
-            line = table.setdefault(_line_of(row), {"step": _line_of(row)})
-            line[_short(row["value"])] = f"({mark})" if row["refused"] else mark
+            mark = states(row["state"]).mark
+            labels = {key: _short(row[key]) for key in down}
+            line = table.setdefault(tuple(labels.values()), labels)
+            line[_short(row["value"])] = f"({mark})" if row.get("refused") else mark
         parts.append(f"{name}\n{table_text(list(table.values()))}")
     return "\n\n".join(parts)
 

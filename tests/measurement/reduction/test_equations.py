@@ -44,7 +44,7 @@ USED: dict[str, tuple[str, ...]] = {  # procedures whose metric depends on the e
 # numbers that show the other two equations: r of a free bat cancels in the metric, and a
 # laboratory that aims elsewhere is right at its own position
 PRINTED = {"inverse_mass_free": "recoil_factor", "centre_of_percussion": "place"}
-# combinations of the equations above, and equations of the studies only
+# combinations of the equations above
 OTHERS = {
     "recoil_factor_free",
     "recoil_factor_pivoted",
@@ -52,7 +52,6 @@ OTHERS = {
     "reduce_shot",
     "reduce_sets",
 }
-OTHERS |= {"energy_fractions", "batted_speed_gain"}
 
 
 class Numbers(NamedTuple):

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.studies.paper.equations import batted_speed_gain, energy_fractions
 from virtual_lab.measurement.reduction import kinematics as k
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
@@ -21,8 +22,8 @@ def test_the_worked_example_of_the_paper_is_reproduced() -> None:
 
 
 def test_a_change_of_e_by_0_05_is_worth_6_4_mph() -> None:
-    assert k.batted_speed_gain(160.0, 0.05, 0.25) == pytest.approx(6.4)
-    assert k.batted_speed_gain(80.0, 0.05, 0.25) == pytest.approx(3.2)
+    assert batted_speed_gain(160.0, 0.05, 0.25) == pytest.approx(6.4)
+    assert batted_speed_gain(80.0, 0.05, 0.25) == pytest.approx(3.2)
 
 
 def test_restitution_at_the_wrong_speed_is_worth_12_8_mph() -> None:
@@ -51,7 +52,7 @@ def test_speeds_and_restitution_convert_both_ways(
 def test_energy_fractions_add_to_one_and_the_ball_keeps_the_square_of_its_speed(
     e: float, r: float
 ) -> None:
-    shares = k.energy_fractions(e, r)
+    shares = energy_fractions(e, r)
     assert sum(shares) == pytest.approx(1, rel=1e-12)
     assert shares.ball == pytest.approx(k.efficiency_from_restitution(e, r) ** 2, abs=1e-12)
 

@@ -10,10 +10,10 @@ import pytest
 
 from tests.simulation.collision.scenes import scattered, usual
 from tests.simulation.physics.bodies import rod
+from tests.studies.paper.equations import energy_fractions
 from virtual_lab.catalog import load_bat
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.reduction.kinematics import energy_fractions
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.rigid import RigidModel
 from virtual_lab.simulation.collision.scene import Collisions, Scenes

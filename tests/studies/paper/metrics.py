@@ -24,13 +24,12 @@ from tests.studies.paper.computed import (
     support,
     top,
 )
+from tests.studies.paper.equations import batted_speed_gain, energy_fractions
 from virtual_lab.measurement.reduction.kinematics import (
     batted_speed,
-    batted_speed_gain,
     besr,
     collision_efficiency,
     efficiency_from_restitution,
-    energy_fractions,
     parallel_axis,
     restitution_from_efficiency,
 )

@@ -67,10 +67,9 @@ def truncation_error(count: int) -> float:
 def bending_frequency(count: int) -> float:
     """Return the frequency [kHz] of a bending mode of the free bat R161, the wood bat of the paper.
 
-    `count` is the number of the mode, 1 for the lowest. Raises `InputError` for a mode that the
-    model does not have.
+    `count` is the number of the mode, 1 for the lowest.
     """
-    return model(WOOD).modes.bending_frequency(count) / 1e3
+    return model(WOOD).modes.bending_frequencies[count - 1] / 1e3
 
 
 def smallest_loss_difference() -> float:

@@ -6,6 +6,7 @@ names. The ball is the catalog's baseball; its restitution decreases with speed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -205,7 +206,7 @@ def frequency(bat: str | float, mode: int) -> float:
     `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` counts
     from 1. Raises `InputError` for an unknown bat, and for a mode that the model does not have.
     """
-    return free_model(_body(bat)).modes.bending_frequency(mode)
+    return _of_mode(free_model(_body(bat)).modes.bending_frequencies, mode)
 
 
 def node(bat: str | float, mode: int) -> float:
@@ -215,10 +216,13 @@ def node(bat: str | float, mode: int) -> float:
     or the length [in] to which R161 is shortened. `mode` is 1 or 2. Raises `InputError` for an
     unknown bat, and for another mode.
     """
-    nodes = barrel_nodes(free_model(_body(bat)).modes)
-    if not 1 <= mode <= len(nodes):
-        raise InputError("", "mode", mode, f"allowed: 1 to {len(nodes)}")
-    return nodes[mode - 1] / INCH
+    return _of_mode(barrel_nodes(free_model(_body(bat)).modes), mode) / INCH
+
+
+def _of_mode(values: Sequence[float] | Array, mode: int) -> float:
+    if not 1 <= mode <= len(values):
+        raise InputError("", "mode", mode, f"allowed: 1 to {len(values)}")
+    return float(values[mode - 1])
 
 
 def handle_node(bat: str) -> float:

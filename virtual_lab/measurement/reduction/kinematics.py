@@ -54,14 +54,6 @@ class ShotConstants(NamedTuple):
     slope_error: Any  # error of the correction of e_A to the aimed position, `efficiency_at_aim`
 
 
-class EnergyFractions(NamedTuple):
-    """Shares of the collision energy after the collision, bat initially at rest. Their sum is 1."""
-
-    ball: Floats
-    bat: Floats
-    dissipated: Floats
-
-
 def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
     """Return e_A = (v_f - v_bat) / (v_ball + v_bat), dimensionless. Eq. (2) of Nathan (2003).
 
@@ -170,28 +162,6 @@ def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats)
     approaches the center of mass. Source: Eq. (11) of Nathan (2003).
     """
     return z_cm - I_cm / (M * (z_pivot - z_cm))
-
-
-def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
-    """Return the energies of ball and rigid bat after a collision, and the lost energy.
-
-    Each is a share of the ball's kinetic energy before the collision, with the bat at rest. The sum
-    of the three shares is 1. Source: Eqs. (10) of Nathan (2003).
-    """
-    return EnergyFractions(
-        ball=((e - r) / (1 + r)) ** 2,
-        bat=r * ((1 + e) / (1 + r)) ** 2,
-        dissipated=(1 - e**2) / (1 + r),
-    )
-
-
-def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
-    """Return the change of the batted-ball speed [m/s] caused by a change of e.
-
-    `v_rel` is the relative speed of ball and bat [m/s], `gain_e` is the change of e, and `r` is the
-    recoil factor. Source: Eq. (12) of Nathan (2003).
-    """
-    return v_rel * gain_e / (1 + r)
 
 
 def rebound_speed_from_recoil(

@@ -58,17 +58,6 @@ class Modes:
         beam = self.angular_frequencies[self.rigid : self.deflections.shape[1]]
         return np.asarray(beam / (2 * np.pi))
 
-    def bending_frequency(self, number: int) -> float:
-        """Return the frequency of a bending mode [Hz]. Mode 1 is the lowest.
-
-        Raises `InputError` for a mode that the model does not have.
-        """
-        frequencies = self.bending_frequencies
-        if not 1 <= number <= frequencies.size:
-            allowed = f"allowed: 1 to {frequencies.size}"
-            raise InputError("", "number of the bending mode", number, allowed)
-        return float(frequencies[number - 1])
-
     def first(self, bending: int) -> Self:
         """Return the rigid modes, the first `bending` bending modes and the hoop mode.
 
