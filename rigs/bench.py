@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt
@@ -21,7 +21,7 @@ from virtual_lab.records import (
 )
 from virtual_lab.simulation.instruments import FittedStation, Instrument, InstrumentFactory
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.instruments.climate import (
     ClimateLogger,
     ClimateLoggerSpec,
@@ -127,33 +127,14 @@ class BenchStation(FittedStation):
             "hall": self.hall,
         }
 
-    def equip(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> BenchStation:
-        """Return the bench with numbers of readings, reference mass and climate of the records."""
-
-        def stated(instrument: CalibratedInstrument[Any], constant: str) -> float:
-            return float(np.mean(instrument.stated[constant].value))
-
-        changes: dict[str, Any] = {
+    def numbers_in(
+        self, records: Mapping[str, Record], measured: Mapping[str, StandardDeviation]
+    ) -> Mapping[str, object]:
+        """Return the numbers of readings per item and of releases of the pendulum."""
+        return {
             "repeats": records["bat-mass"].sizes()["repeat"],
             "releases": records["pendulum"].sizes()["release"],
-            "store": None,
         }
-        reference = records.get(REFERENCE_MASS)
-        if isinstance(reference, MassReadings):
-            above = float(reference.readings.mean()) - stated(self.scale, "zero")
-            changes["reference"] = above / stated(self.scale, "span")
-        for part, channel in (("hall", "climate"), ("store", "store")):
-            climate = records.get(channel)
-            if isinstance(climate, ClimateReadings):
-                changes[part] = HallSpec(
-                    temperature=climate.temperature.mean() - stated(self.climate, "temperature"),
-                    temperature_spread=0.0,
-                    temperature_change=0.0,
-                    humidity=climate.humidity.mean() - stated(self.climate, "humidity"),
-                    humidity_spread=0.0,
-                    humidity_change=0.0,
-                )
-        return replace(self, spec=replace(self.spec, **changes))
 
     def store_humidity(self, draws: Draws, box: Slots | None = None) -> Array | None:
         """Return the relative humidity of the balls' store, 0 to 1, (laboratory,); None: no store.

@@ -8,7 +8,7 @@ rate and angle, and the light boards measure the incoming and the rebound speed 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import tau
 from typing import Annotated, ClassVar
 
@@ -19,7 +19,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, BoardRecord, EncoderRecord, Record, ShotLog
 from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
-from virtual_lab.simulation.instruments.calibrated import CalibratedSpec
+from virtual_lab.simulation.instruments.calibrated import CalibratedSpec, StandardDeviation
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
@@ -111,12 +111,11 @@ class NcaaSwingStation(CannonStation):
             "hall": self.hall,
         }
 
-    def equip(
-        self, records: Mapping[str, Record], measured: Mapping[str, float]
-    ) -> NcaaSwingStation:
-        """Return the machine with a drive whose speed scatters as measured."""
-        drive = replace(self.drive, speed_scatter=measured["turn_rate_scatter"])
-        return replace(self, drive=drive)
+    def numbers_in(
+        self, records: Mapping[str, Record], measured: Mapping[str, StandardDeviation]
+    ) -> Mapping[str, object]:
+        """Return the scatter of the drive's speed."""
+        return {"drive.speed_scatter": measured["turn_rate_scatter"]}
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the rotating bat. The ball is timed in both directions, the shaft to contact."""

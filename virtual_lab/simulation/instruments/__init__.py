@@ -15,7 +15,11 @@ from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 from virtual_lab import catalog
 from virtual_lab.records import Record
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, CalibratedSpec
+from virtual_lab.simulation.instruments.calibrated import (
+    CalibratedInstrument,
+    CalibratedSpec,
+    StandardDeviation,
+)
 from virtual_lab.streams import Draws, Owner
 
 __all__ = [
@@ -118,13 +122,15 @@ class FittedStation:
             if isinstance(each, CalibratedInstrument)
         }
 
-    def equip(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> Self:
-        """Return the station with further settings that are taken from its raw records.
+    def numbers_in(
+        self, records: Mapping[str, Record], measured: Mapping[str, StandardDeviation]
+    ) -> Mapping[str, object]:
+        """Return numbers of the rig's sheet that its raw records show [SI], keyed by name.
 
-        The constants of the instruments do not change. `measured` holds results of the reduction:
-        ``turn_rate_scatter`` is the relative scatter of the bat's angular rate before contact.
+        `measured` holds results of the reduction: ``turn_rate_scatter`` is the relative scatter of
+        the bat's angular rate before contact.
         """
-        return self
+        return {}
 
     def with_instrument(self, name: str, instrument: Instrument) -> Self:
         """Return the station with the instrument `name` replaced."""

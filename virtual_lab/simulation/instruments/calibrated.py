@@ -13,7 +13,7 @@ expanded to (shot,) when shots are simulated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from math import inf, sqrt
@@ -66,6 +66,14 @@ class StandardDeviation(NamedTuple):
     def of(cls, values: Array) -> Self:
         """Return the standard deviation of `values`, (n,), with n at least 2."""
         return cls(float(values.std(ddof=1)), values.size - 1)
+
+    @classmethod
+    def of_groups(cls, groups: Iterable[Array], known: float = 0.0) -> Self:
+        """Return the pooled standard deviation of repeated values, 0 without repeats.
+
+        Each group is an array (n,). `known` is the variance that has other causes.
+        """
+        return cls.pool([cls.of(each) for each in groups if each.size > 1], known)
 
     @classmethod
     def pool(cls, spreads: Sequence[StandardDeviation], known: float = 0.0) -> Self:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -48,18 +48,18 @@ class CannonSpec(CalibratedSpec):
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return number and scatter of the marks, and the mean height of the shots with its u."""
+        """Return number and scatter of the marks.
+
+        Their mean height is left out: the mean aim of one day is not that of every day.
+        """
         numbers: dict[str, object] = {}
         for marks in records:
             if isinstance(marks, AimMarks) and marks.along.size > 1:
-                across = StandardDeviation.of(marks.across)
                 numbers = {
                     "marks": marks.along.size,
                     "mark_resolution": 0.0,
                     "along_scatter": StandardDeviation.of(marks.along),
-                    "across_scatter": across,
-                    "across": float(marks.across.mean()),
-                    "across_u": across.value / sqrt(marks.across.size),
+                    "across_scatter": StandardDeviation.of(marks.across),
                 }
         return numbers
 

@@ -48,16 +48,12 @@ class EncoderSpec(CalibratedSpec):
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return rate and duration of the sampling, and whether the counts are whole."""
+        """Return rate and duration of the sampling."""
         numbers: dict[str, object] = {}
         for record in records:
             if isinstance(record, EncoderRecord):
                 tick = float(record.times[1] - record.times[0])
-                numbers = {
-                    "sample_rate": 1 / tick,
-                    "duration": record.times.size * tick,
-                    "whole_counts": bool(np.array_equal(record.counts, np.rint(record.counts))),
-                }
+                numbers = {"sample_rate": 1 / tick, "duration": record.times.size * tick}
         return numbers
 
     def sample_times(self) -> Array:

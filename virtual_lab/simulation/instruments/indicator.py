@@ -46,13 +46,12 @@ class IndicatorSpec(CalibratedSpec):
     ) -> Mapping[str, object]:
         """Return the repeatability, the scatter of the readings without rounding."""
         items = [
-            StandardDeviation.of(item)
+            item
             for each in records
             if isinstance(each, MassReadings | LengthReadings)
             for item in each.readings
         ]
-        step = constants["resolution"]
-        shown = StandardDeviation.pool(items, known=step**2 / 12)
+        shown = StandardDeviation.of_groups(items, known=constants["resolution"] ** 2 / 12)
         return {"repeatability": shown} if shown.value else {}
 
 

@@ -23,12 +23,12 @@ from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.studies.own_laboratory.rig_sheets import (
     Document,
     SheetNumbers,
+    StatedNumber,
     enter_numbers,
     write_numbers,
 )
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.uncertainty.scatter import bartlett_p
-from virtual_lab.units import Array
 
 TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
 SEED = 1  # of the tests that are simulated to find the scatter of e0
@@ -63,9 +63,8 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
         f"spread.{PLACES[place]}": (each, f"{STAGES[place]}/gates")
         for place, each in scatters.items()
     }
-    numbers |= enter_numbers(document, shown)
-    document = with_scatter(document, {place: each.value for place, each in scatters.items()})
-    sample = sample_of_tests(document, bat, rules, SEED)
+    entered = enter_numbers(document, shown)
+    sample = sample_of_tests(write_numbers(document, entered, "trial"), bat, rules, SEED)
     u, printed = sample.u[sample.has_result], METRICS[rules.spec.metric]
     rms = printed.in_unit(float(np.sqrt(np.mean(u**2))))
     remarks = [remark for place, each in places.items() for remark in _differing_days(place, each)]
@@ -75,7 +74,7 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
             name = f"{test.session.bat} by {rules.spec.name}"
             words = LUCK.format(name, printed.in_unit(test.metric.u), rms, 100 * share)
             remarks.append(f"{words}{LUCKY_WORDS if share < LUCKY else ''}")
-    return ball, numbers, remarks
+    return ball, numbers | entered, remarks
 
 
 def _differing_days(place: str, days: Sequence[StandardDeviation]) -> list[str]:
@@ -133,11 +132,14 @@ def _ball_numbers(tests: Sequence[Certification]) -> dict[str, tuple[Any, str]]:
     last, constants = days[-1].lot, days[-1].constants
     numbers: dict[str, tuple[Any, str]] = {
         "mass": (float(np.mean([each.mean() for each in mass])), "bench/ball-mass"),
-        "spread.mass": (_pool_lots(mass), "bench/ball-mass"),
+        "spread.mass": (StandardDeviation.of_groups(mass), "bench/ball-mass"),
         "restitution.speed": (float(last.speed.ravel()[0]), "balls/log"),
         "restitution.value": (float(np.mean([each.mean() for each in e0])), "balls/gates"),
         "restitution.slope": (float(last.slope.ravel()[0]), "balls/gates"),
-        "spread.restitution": (_pool_lots(e0, float(np.mean(np.square(errors)))), "balls/gates"),
+        "spread.restitution": (
+            StandardDeviation.of_groups(e0, float(np.mean(np.square(errors)))),
+            "balls/gates",
+        ),
         "radius": (float(constants["ball.radius"].value[0]), "ball.radius"),
         "radius_u": (float(constants["ball.radius"].u[0]), "ball.radius"),
     }
@@ -145,11 +147,6 @@ def _ball_numbers(tests: Sequence[Certification]) -> dict[str, tuple[Any, str]]:
         slope = "ball.restitution_slope"
         numbers["restitution.slope_u"] = (float(constants[slope].u[0]), slope)
     return numbers
-
-
-def _pool_lots(lots: Sequence[Array], known: float = 0.0) -> StandardDeviation:
-    spreads = [StandardDeviation.of(each) for each in lots if each.size > 1]
-    return StandardDeviation.pool(spreads, known)
 
 
 def hit_scatters(
@@ -191,12 +188,9 @@ def sample_of_tests(
         return SampledTests.of(RoundRobin.of(bat, rules), TESTS, seed)
 
 
-def with_scatter(
-    ball: Mapping[str, Any], scatters: Mapping[str, float], source: str = "trial"
-) -> dict[str, Any]:
+def with_scatter(ball: Mapping[str, Any], scatters: Mapping[str, float]) -> Document:
     """Return the content of a ball's sheet with other scatters of e0, by place of the hits."""
-    document = deepcopy(dict(ball))
-    for place, value in scatters.items():
-        number = {"value": value, "unit": "1", "source": source, "verified": False}
-        document["spread"][PLACES[place]] = number
-    return document
+    numbers = {
+        f"spread.{PLACES[place]}": StatedNumber(each, "trial") for place, each in scatters.items()
+    }
+    return write_numbers(deepcopy(dict(ball)), numbers, "trial")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from functools import lru_cache
 from math import isclose, isfinite
 from typing import Any, NamedTuple
@@ -46,6 +46,15 @@ class StatedNumber:
     record: str  # constant or channel that states it
     spread: StandardDeviation | None = None  # scatter of the readings [SI], for an estimated number
 
+    @classmethod
+    def of(cls, shown: Any, record: str, unit: str) -> StatedNumber:
+        """Return a number, a tuple of numbers or a scatter [SI] in the unit of a sheet."""
+        if isinstance(shown, StandardDeviation):
+            return cls(in_unit(shown.value, unit), record, shown)
+        if isinstance(shown, tuple):
+            return cls([in_unit(each, unit) for each in shown], record)
+        return cls(in_unit(shown, unit), record)
+
 
 SheetNumbers = dict[str, StatedNumber | None]  # keyed by key of a sheet; None: key removed
 Statements = dict[Key, SheetNumbers]
@@ -71,19 +80,19 @@ class RigSheets:
 
     @property
     def constants(self) -> dict[str, Estimate]:
-        """The constants that these sheets state, keyed by name in a session."""
-        constants = self.station.calibration
+        """The constants that these sheets state, keyed by name in a session.
+
+        There are none if the sheets are not allowed.
+        """
+        try:
+            constants = self.station.calibration
+        except InputError:
+            return {}
         return {constant_name(self.stage, name): each for name, each in constants.items()}
 
     def _effects(self, before: Mapping[str, Estimate]) -> list[tuple[str, str, float, float]]:
-        """Return constant, part, and its value before and now, for each part that has changed.
-
-        The list is empty if these sheets are not allowed.
-        """
-        try:
-            now = self.constants
-        except InputError:
-            return []
+        """Return constant, part, and its value before and now, for each part that has changed."""
+        now = self.constants
         return [
             (name, part, getattr(before[name], part), getattr(now[name], part))
             for name in before
@@ -100,14 +109,13 @@ class RigSheets:
         """Enter numbers that the raw records show in the sheets, after the stated constants.
 
         `constants` are those of the session. `measured` are scatters of the shots, keyed by the
-        names that `FittedStation.equip` takes. A constant of no certificate keeps its value: the
-        mean aim of one day is not that of every day.
+        names that `FittedStation.numbers_in` takes.
         """
-        station = self.station
+        station, stage = self.station, self.stage.value
         if not isinstance(station, FittedStation):
             return
         for part, (name, instrument) in station.parts().items():
-            prefix, sheet = constant_name(self.stage, f"{name}."), self.parts.get(part, "")
+            prefix = constant_name(self.stage, f"{name}.")
             known = {
                 key.removeprefix(prefix): each.value
                 for key, each in constants.items()
@@ -115,42 +123,25 @@ class RigSheets:
             }
             channels = [key for key in station.channels.get(name, (name,)) if key in records]
             shown = instrument.spec.numbers_in([records[key] for key in channels], known)
-            left_out = {f"{key}{end}" for key in instrument.unknown for end in ("", "_u")}
-            where = ", ".join(f"{self.stage.value}/{key}" for key in channels)
-            for key, number in shown.items():
-                if key not in left_out:
-                    self._enter(("instruments", sheet), key, number, where)
-            for key, number in measured.items():
-                self._enter(("instruments", sheet), key, number, f"{self.stage.value}/gates")
-        of_value = {each.value: each for each in measured.values()}
-        equipped = station.equip(records, {key: each.value for key, each in measured.items()})
-        for each in fields(station):
-            before, after = getattr(station, each.name), getattr(equipped, each.name)
-            if before is after or not is_dataclass(before):
-                continue
-            for key in (part.name for part in fields(before)):
-                number = getattr(after, key)
-                if isinstance(number, int) or number in of_value:
-                    path = key if each.name == "spec" else f"{each.name}.{key}"
-                    number = of_value.get(number, number)
-                    self._enter(("rigs", self.rig), path, number, self.stage.value)
+            sheet, where = self.parts.get(part, ""), ", ".join(f"{stage}/{key}" for key in channels)
+            self._enter(("instruments", sheet), shown, where)
+            self._enter(("instruments", sheet), measured, f"{stage}/gates")
+        self._enter(("rigs", self.rig), station.numbers_in(records, measured), stage)
 
-    def _enter(self, sheet: Key, key: str, shown: Any, record: str) -> None:
-        """Enter a number [SI] at a key of a sheet, unless a constant states it already.
+    def _enter(self, sheet: Key, shown: Mapping[str, Any], record: str) -> None:
+        """Enter numbers [SI] at their keys of a sheet, unless a constant states them already.
 
-        Nothing is changed without such a key, and for a scatter of 0.
+        Numbers without a key are left out, and so are empty lists and scatters of 0.
         """
-        for path, table, last in list(numbers_of(self.documents.get(sheet, {}))):
-            unit, old = table[last]["unit"], table[last]["value"]
-            spread = shown if isinstance(shown, StandardDeviation) else None
-            number = spread.value if spread else shown
-            values = number if isinstance(number, tuple) else (number,)
-            stated = path in self.statements[sheet] and len(values) in (1, np.size(old))
-            if path != key or stated or not values or (spread and not number):
-                continue
-            new = [in_unit(each, unit) for each in values]
-            table[last]["value"] = new if isinstance(number, tuple) else new[0]
-            self.statements[sheet][path] = StatedNumber(table[last]["value"], record, spread)
+        statements = self.statements.get(sheet, {})
+        for path, table, last in numbers_of(self.documents.get(sheet, {})):
+            if path in shown:
+                number = StatedNumber.of(shown[path], record, table[last]["unit"])
+                old = np.size(table[last]["value"])
+                stated = path in statements and np.size(number.value) in (1, old)
+                if not stated and number.value != [] and (number.value or not number.spread):
+                    table[last]["value"] = number.value
+                    statements[path] = number
 
     def state(self, wanted: Mapping[str, Estimate]) -> None:
         """Change the sheets so that they state the constants of a session [SI], keyed by name.
@@ -188,17 +179,10 @@ class RigSheets:
         else:
             same = all(isclose(each, numbers[0], rel_tol=CLOSE) for each in numbers)
             old["value"] = numbers[0] if same else numbers
-        if self._is_allowed:
+        if self.constants:
             self.statements[sheet][path] = StatedNumber(old["value"], record)
         else:  # the sheet has one number for all constants
             old["value"] = value
-
-    @property
-    def _is_allowed(self) -> bool:
-        try:
-            return bool(self.constants)
-        except InputError:
-            return False
 
 
 class Response(NamedTuple):
@@ -289,14 +273,11 @@ def _rounded(number: float) -> float:
 
 def enter_numbers(document: Document, numbers: Mapping[str, tuple[Any, str]]) -> SheetNumbers:
     """Return the statements of numbers [SI] and their records, in the units of a sheet."""
-    statements: SheetNumbers = {}
-    for path, (shown, record) in numbers.items():
-        spread = shown if isinstance(shown, StandardDeviation) else None
-        table, last = inner_table(document, path)
-        unit = table.get(last, {"unit": "1"})["unit"]
-        number = in_unit(spread.value if spread else shown, unit)
-        statements[path] = StatedNumber(number, record, spread)
-    return statements
+    units = {path: table[last]["unit"] for path, table, last in numbers_of(document)}
+    return {
+        path: StatedNumber.of(shown, record, units.get(path, "1"))
+        for path, (shown, record) in numbers.items()
+    }
 
 
 def in_unit(number: float, unit: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -23,11 +23,12 @@ def scatter_of_shots(reduced: Reduction) -> Mapping[Stage, Mapping[str, Standard
     """
     balls, shots = reduced.preparation.balls, reduced.shots
     at_wall, nominal = balls.flights.raw.speed_in[0, 0], balls.nominal_speed[0, 0]
-    wall = _pool_groups([at_wall[nominal == each] for each in np.unique(nominal)])
-    impact = {"speed_scatter": _pool_groups([without_outliers(shots.speed)])}
+    pool = StandardDeviation.of_groups
+    wall = pool(at_wall[nominal == each] for each in np.unique(nominal))
+    impact = {"speed_scatter": pool([without_outliers(shots.speed)])}
     rates = shots.swing_rate[np.isfinite(shots.swing_rate)]
     if rates.size and rates.mean():
-        impact["turn_rate_scatter"] = _pool_groups([rates / rates.mean()])
+        impact["turn_rate_scatter"] = pool([rates / rates.mean()])
     return {Stage.BENCH: {}, Stage.BALLS: {"speed_scatter": wall}, Stage.IMPACT: impact}
 
 
@@ -43,9 +44,3 @@ def without_outliers(values: Array) -> Array:
             break
         values = np.delete(values, deviation.argmax())
     return values
-
-
-def _pool_groups(groups: Sequence[Array]) -> StandardDeviation:
-    """Return the pooled standard deviation of groups of values, 0 without repeats."""
-    repeated = [StandardDeviation.of(each) for each in groups if each.size > 1]
-    return StandardDeviation.pool(repeated)
