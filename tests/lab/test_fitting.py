@@ -61,14 +61,14 @@ def test_a_scan_off_the_bat_is_refused(change: tuple[str, str], said: str, tmp_p
                 "ball_restitution_low = { value = 0.525, unit",
                 "ball_restitution_low = { value = 0.552, unit",
             ),
-            "windows.ball_restitution = '0.552 to 0.555'; the nominal baseball-2003 has 0.55",
+            "windows.ball_restitution = '0.552 to 0.555'; the mean baseball-2003 has 0.55, so",
         ),
         (
             (
                 "ball_mass_low = { value = 5.0, unit",
                 "ball_mass_low = { value = 5.2, unit",
             ),
-            "windows.ball_mass = '5.2 to 5.25 oz'; the nominal baseball-2003 has 5.125 oz",
+            "windows.ball_mass = '5.2 to 5.25 oz'; the mean baseball-2003 has 5.125 oz, so it",
         ),
     ],
 )

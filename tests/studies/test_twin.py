@@ -1,9 +1,8 @@
 """The twin: its days against shifted reductions, blind to the truth, clear about bad folders."""
 
 import csv
-import json
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,10 +11,11 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
-from tests.laboratories import certified
+from tests.laboratories import certified, setup_of
 from tests.studies.twin import lines_of
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.certification import Certification, Certifications, certify_session
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.session_reduction import reduce_block
@@ -191,6 +191,16 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
         TwinDays.fit(statement, seed=1)
 
 
+def test_balls_that_the_procedure_rejects_are_refused_in_one_line() -> None:
+    """The wall of a laboratory drifts so far that e0 is above the limit of the procedure."""
+    setup = replace(
+        setup_of("r161", procedure="astm-f1881", seed=3), faults=sized_set("wall-drift", 8)
+    )
+    words = r"ball_restitution = '0.525 to 0.555'; the mean ball of the records has 0.[67]"
+    with pytest.raises(InputError, match=words):
+        Statement.of(certify_bat(setup).certification)
+
+
 def test_a_laboratory_that_describes_its_rigs_has_the_days_of_our_rigs(tmp_path: Path) -> None:
     """Descriptions and an optional constant change no number of the days."""
     shutil.copytree(FOREIGN, tmp_path / "lab")
@@ -336,33 +346,14 @@ def sized_set(name: str, size: float) -> FaultSet:
     return FaultSet(faults=(resize(CATALOGUE[name], size),))
 
 
-def test_an_interrupted_study_of_faults_resumes(days, tmp_path: Path, monkeypatch) -> None:
+def test_a_fault_is_noticed_from_some_size_on(days, monkeypatch) -> None:
     few = ["gate-moved", "ounces-as-grams", "sabot-trip"]
     monkeypatch.setattr(noticing, "faults_at", lambda rig: few)
     monkeypatch.setattr(noticing, "SIZES", (1e-4, 1.0))
-    rows = noticing.noticed_faults(days, 0.006, tmp_path, days=1)
-    shown = {row.fault: row for row in rows}
+    shown = {row.fault: row for row in noticing.noticed_faults(days, 0.006, days=1)}
+    assert list(shown) == few
     assert shown["ounces-as-grams"].noticed_from == 1.0
     assert shown["gate-moved"].noticed_at["0.0001"] == 0.0
-    file = tmp_path / "faults.json"
-    kept = json.loads(file.read_text())
-    for damage in ({"rows": []}, {"about": 1}, {"rows": {"gate-moved": {}}}, {"digest": "0"}):
-        file.write_text(json.dumps(kept | damage))
-        with pytest.raises(InputError, match="faults"):
-            noticing.noticed_faults(days, 0.006, tmp_path, days=1)
-    kept["rows"]["gate-moved"]["noticed_at"]["1.0"] = 0.5
-    file.write_text(json.dumps(kept))
-    with pytest.raises(InputError, match="was changed after it was made"):
-        noticing.noticed_faults(days, 0.006, tmp_path, days=1)
-    del kept["rows"]["sabot-trip"], kept["digest"]
-    kept["rows"]["gate-moved"] = asdict(shown["gate-moved"])
-    file.write_text(json.dumps(asdict(noticing.StoredFaults(**kept).sealed())))
-    played = []
-    monkeypatch.setattr(noticing, "_fault_row", lambda *each: played.append(each) or rows[-1])
-    assert noticing.noticed_faults(days, 0.006, tmp_path, days=1) == rows
-    assert [fault.name for fault, *_ in played] == ["sabot-trip"]
-    with pytest.raises(InputError, match="has days of other records, another seed"):
-        noticing.noticed_faults(replace(days, seed=2), 0.006, tmp_path, days=1)
 
 
 def test_the_page_states_the_stored_laboratories() -> None:

@@ -102,9 +102,9 @@ def require_positions(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Raise `InputError` if mass or e0 of a nominal ball is outside the limits of a procedure.
+    """Raise `InputError` if mass or e0 of a mean ball is outside the limits of a procedure.
 
-    The masses and e0 of real balls scatter around the nominal values. If a nominal value is outside
+    The masses and e0 of balls scatter around the values of their sheet. If such a value is outside
     the limits, the procedure would reject most balls.
     """
     windows = procedure.windows
@@ -119,7 +119,7 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
                 f"procedures/{procedure.name}",
                 f"windows.{name}",
                 f"{low:.4g} to {high:.4g}{unit}",
-                f"the nominal {ball.name} has {value / unit_si:.4g}{unit}",
+                f"the mean {ball.name} has {value / unit_si:.4g}{unit}, so it rejects most",
             )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from math import sqrt
 from typing import Any
 
@@ -11,8 +12,10 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
+from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.files import parse_toml
 from virtual_lab.lab import RoundRobin
+from virtual_lab.lab.fitting import require_ball
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.session_reduction import reduce_block
@@ -89,11 +92,16 @@ def _differing_days(place: str, days: Sequence[StandardDeviation]) -> list[str]:
 def stated_ball(tests: Sequence[Certification]) -> tuple[Document, SheetNumbers]:
     """Return the sheet of the ball of tests by one procedure, and their statements about it.
 
-    The scatter of e0 between hits stays as in the catalog.
+    The scatter of e0 between hits stays as in the catalog. Raises `InputError` if the procedure
+    would reject most of the measured balls, because no test can be simulated with them.
     """
-    document = deepcopy(parse_toml(*catalog.source("balls", tests[-1].procedure.ball)))
+    rules = tests[-1].procedure
+    document = deepcopy(parse_toml(*catalog.source("balls", rules.ball)))
     numbers = enter_numbers(document, _ball_numbers(tests))
-    return write_numbers(document, numbers, "trial"), numbers
+    write_numbers(document, numbers, "trial")
+    measured = catalog.read(toml_text(document), f"balls/{rules.ball}", BallSpec).spec
+    require_ball(rules, replace(measured, name="ball of the records"))
+    return document, numbers
 
 
 def _bat(session: Session) -> str:

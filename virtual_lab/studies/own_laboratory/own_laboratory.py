@@ -146,7 +146,8 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
     Raises
     ------
     InputError
-        The records in a folder cannot be used, or a rig is not installed here.
+        The records in a folder cannot be used, the procedure would reject most of their balls, or a
+        rig is not installed here.
     """
     paths = paths_of(folders)
     read, remarks = dict[tuple[Stage, str], list[RigSheets]](), dict[str, None]()

@@ -1,27 +1,19 @@
 """Faults of the catalog that a laboratory would notice, and the smallest size noticed.
 
 Each fault is simulated in several sizes, on days of the twin with full records. A size of 1 is the
-fault in the catalog. The results of these days are kept in a file, so that an interrupted study can
-continue.
+fault in the catalog.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from virtual_lab.catalog.specs import Spec
-from virtual_lab.catalog.validation import validate
-from virtual_lab.errors import VERSION, InputError
-from virtual_lab.files import check_writable, read_json, whole_file
+from virtual_lab.errors import InputError
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import column
-from virtual_lab.records.session import pack
 from virtual_lab.simulation.faults import FaultSet, faults_at
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.fault import Fault
@@ -58,22 +50,8 @@ class NoticedFault:
     metric_shift: float | None = column("shift of the metric at 1", "stated u", "+.2f")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredFaults(Spec):
-    """Form of ``faults.json``: the faults simulated so far."""
-
-    about: Mapping[str, str | int]  # program, records, seed and number of days
-    rows: Mapping[str, NoticedFault]
-    digest: str = ""  # SHA-256 of the rest
-
-    def sealed(self) -> StoredFaults:
-        """Return these faults with the SHA-256 digest of their content."""
-        content = json.dumps(asdict(replace(self, digest="")), sort_keys=True)
-        return replace(self, digest=hashlib.sha256(content.encode()).hexdigest())
-
-
 def noticed_faults(
-    playing: TwinDays, u: float, folder: Path, progress: Progress = quiet, days: int = DAYS
+    playing: TwinDays, u: float, progress: Progress = quiet, days: int = DAYS
 ) -> list[NoticedFault]:
     """Return one row per fault that the rigs can have: the share of days on which it is noticed.
 
@@ -87,45 +65,19 @@ def noticed_faults(
     u
         Standard uncertainty of the metric, the main result of the test, as the laboratory states it
         [SI].
-    folder
-        Folder with the faults that are already simulated; it is created if it is missing. Its
-        faults are not simulated again.
     progress
         Function that is called with a message, the number of faults done, and the total.
     days
         Number of days per fault and size.
-
-    Raises
-    ------
-    InputError
-        The faults in the folder were simulated from the records of another test, or with another
-        seed, number of days or version, or their file was changed.
     """
-    check_writable(folder, "faults")
-    session, path = playing.statement.session, folder / "faults.json"
-    names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]
-    about: dict[str, str | int] = {"program": VERSION, "session": pack(session).digest}
-    stored = StoredFaults(about={**about, "seed": playing.seed, "days": days}, rows={})
-    if path.exists():
-        earlier = validate(read_json(path), str(path), StoredFaults)
-        if earlier.about != stored.about:
-            allowed = "has days of other records, another seed, number or version"
-            raise InputError("", "faults", str(folder), f"{allowed}; allowed: a new folder")
-        if earlier != earlier.sealed():
-            allowed = "the file was changed after it was made; allowed: a new folder"
-            raise InputError(str(path), "digest", None, allowed)
-        stored = earlier
-    sound = np.zeros(0)
+    impact = playing.statement.session.rigs["impact"]
+    names = [name for name in faults_at(impact) if name not in NOT_PLAYED]
+    sound = np.array([_error(playing, FIRST + day)[1] for day in range(days)])
+    rows = []
     for number, name in enumerate(names, 1):
-        if name not in stored.rows:
-            if not sound.size:
-                sound = np.array([_error(playing, FIRST + day)[1] for day in range(days)])
-            row = _fault_row(CATALOGUE[name], playing, u, sound)
-            stored = replace(stored, rows={**stored.rows, name: row}).sealed()
-            with whole_file(path) as file:
-                file.write(json.dumps(asdict(stored), indent=1).encode())
+        rows.append(_fault_row(CATALOGUE[name], playing, u, sound))
         progress("faults", number, len(names))
-    return [stored.rows[name] for name in names]
+    return rows
 
 
 def _error(playing: TwinDays, day: int) -> tuple[bool, float]:

@@ -21,7 +21,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import record, table_text
-from virtual_lab.parameters import AnyLaboratory, Folder, HundredOrMore, Seed
+from virtual_lab.parameters import AnyLaboratory, HundredOrMore, Seed
 from virtual_lab.studies.foreign import certify_records, replaced_rigs
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
@@ -153,7 +153,7 @@ def twin(
     *,
     days: HundredOrMore = 1000,
     full_days: int = 250,
-    faults: Folder | None = None,
+    faults: bool = False,
     seed: Seed = 1,
     laboratory: AnyLaboratory | None = None,
     progress: Progress = quiet,
@@ -178,9 +178,8 @@ def twin(
         with fewer days. The simulation ends earlier if the remaining days cannot make a reading
         significant. No such days are simulated for records of summary values.
     faults
-        Folder for simulated days with faults. By default no faults are simulated. If the folder is
-        given, each fault of the catalog that the rigs can have is simulated in four sizes. This
-        takes a few minutes. Days that are already in the folder are not simulated again.
+        Simulate each fault of the catalog that the rigs can have in four sizes. This takes a few
+        minutes.
     seed
         Seed of the days.
     laboratory
@@ -194,11 +193,11 @@ def twin(
     Raises
     ------
     InputError
-        A number is too small. The records in the folder cannot be used, or give no result. Hits or
+        A number is too small. The records in the folder cannot be used, or give no result. The
+        procedure would reject most of their balls. Hits or
         wall hits are not repeated or are all equal, so that they show no scatter. Fewer than half
         of the simulated days give a valid result. A rig is not installed here. `faults` is given
-        for records of summary values, or its folder has days of other records, another seed or
-        number.
+        for records of summary values.
     """
     if full_days and full_days < FEWEST_FULL:
         raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST_FULL}")
@@ -209,12 +208,12 @@ def twin(
     playing = TwinDays.fit(statement, seed, min(days, SIDE_BY_SIDE))
     rows, invalid = compare_quantities(certification, playing, days, progress)
     noticed: list[NoticedFault] = []
-    if faults is not None:
+    if faults:
         if not statement.replayed:
             allowed = "needs records of every edge and count"
-            raise InputError("", "faults", str(faults), allowed)
+            raise InputError("", "faults", None, allowed)
         assert certification.metric is not None
-        noticed = noticed_faults(playing, certification.metric.u, Path(faults), progress)
+        noticed = noticed_faults(playing, certification.metric.u, progress)
     readings: list[TwinReading] = []
     played = 0
     if full_days and statement.replayed:
