@@ -2,22 +2,29 @@
 
     python -m tests.studies.own_laboratory scatter PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory rms PROCEDURE SEED LABORATORIES OUT.CSV
+    python -m tests.studies.own_laboratory rms-stated PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory budget PROCEDURE SEED LABORATORIES OUT.CSV
+    python -m tests.studies.own_laboratory foreign PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory table OUT.CSV
 
 Each study appends its rows to the file, one laboratory per seed, the first of which is SEED.
 `scatter`: a scatter of the recovered sheets with its 95 % interval, and that of the tester's sheet.
 `rms`: rms of u over 1 000 tests by sheets recovered from five folders, and by those of the tester.
+`rms-stated`: the same, of a tester whose other numbers, which no record states, are the catalog's.
 `budget`: a type B line above 2 % of u, as rms over 1 000 tests by sheets recovered from a test in
 the laboratory of the catalog, and in the certificate of this test; low and high are the quartiles.
+`foreign`: the same, of records of another laboratory that describes its rigs in its own words.
 A laboratory is left out if the procedure rejects the mean ball of its records. `table` prints the
 lines of the page.
 """
 
 import csv
+import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +33,11 @@ import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.catalog.reading import Key
 from virtual_lab.lab import RoundRobin, TestSetup
+from virtual_lab.records.origin import Supplied
+from virtual_lab.records.session import pack
 from virtual_lab.sheets import sheets_in, toml_text
 from virtual_lab.studies.own_laboratory.ball import PLACES, with_scatter
+from virtual_lab.studies.own_laboratory.own_laboratory import OwnNumber
 from virtual_lab.studies.plan.sample import SampledTests
 
 FIELDS = ("study", "procedure", "seed", "quantity", "recovered", "low", "high", "tester")
@@ -36,8 +46,11 @@ DENSITY_U = "density_u"  # a larger one gives air that no barometer shows
 SCALED = ("_u", "_scatter", "_jitter", "repeatability")  # endings of the keys that are scaled
 
 
-def write_tester(folder: Path, procedure: str, seed: int) -> Path:
-    """Write a laboratory whose every u and scatter is 0.5 to 2 times that of the catalog."""
+def write_tester(folder: Path, procedure: str, seed: int, stated: Set[str] | None = None) -> Path:
+    """Write a laboratory whose every u and scatter is 0.5 to 2 times that of the catalog.
+
+    If `stated` is given, only these keys of instruments and rigs are scaled, ``KIND/NAME KEY``.
+    """
     chance = np.random.default_rng(seed)
     setup = TestSetup.of("r161", procedure=procedure)
     rigs = setup.rigs.values()
@@ -49,6 +62,9 @@ def write_tester(folder: Path, procedure: str, seed: int) -> Path:
             for each in sheet.datums
             if each.key.endswith(SCALED) and each.key != DENSITY_U
         }
+        if stated is not None:
+            name = f"{sheet.kind}/{sheet.name}"
+            scaled = {key: each for key, each in scaled.items() if f"{name} {key}" in stated}
         (folder / sheet.kind).mkdir(parents=True, exist_ok=True)
         sheet.with_(scaled).save(folder / sheet.kind / f"{sheet.name}.toml")
     ball = vl.ball(setup.rules.spec.ball)
@@ -84,11 +100,20 @@ def scatter(procedure: str, seed: int, place: Path) -> Iterator[Row]:
     }
     for row in ours.rows:
         if row.low is not None:
-            kind, name = row.sheet.split("/")
-            name = name.removesuffix("-ball-wall").removesuffix(f"-{procedure}")
-            name = "ball-cannon" if name.startswith("ball-cannon") else name
+            kind, name = sheet_of(row).split("/")
             quantity = f"{row.sheet} {row.key}"
             yield quantity, row.ours, row.low, row.high, true[kind, name, row.key]
+
+
+def sheet_of(row: OwnNumber) -> str:
+    """Return the sheet of a number in the laboratory that was played; two rigs share a cannon."""
+    return re.sub("-cannon-(ball-wall|ball-cannon|astm-pivot)$", "-cannon", row.sheet)
+
+
+def keys_in_records(procedure: str, place: Path) -> set[str]:
+    """Return the keys of instruments and rigs that records state, ``KIND/NAME KEY``."""
+    tested = vl.certify("r161", procedure=procedure, seed=0).save(place / "usual")
+    return {f"{sheet_of(row)} {row.key}" for row in vl.laboratory(tested).rows}
 
 
 def sample_in(folder: Path, procedure: str, tests: int = 1000) -> SampledTests:
@@ -103,17 +128,24 @@ def rms_u(folder: Path, procedure: str) -> float:
     return float(np.sqrt(np.mean(sample_in(folder, procedure).u ** 2)))
 
 
-def rms(procedure: str, seed: int, place: Path) -> Iterator[Row]:
+def rms(procedure: str, seed: int, place: Path, *, every: bool = True) -> Iterator[Row]:
     """Yield the rms of u by recovered sheets and by the tester's."""
-    folder = write_tester(place / "tester", procedure, seed)
+    stated = None if every else keys_in_records(procedure, place)
+    folder = write_tester(place / "tester", procedure, seed, stated)
     vl.laboratory(play(folder, procedure, seed, days=5)).save(place / "ours")
     yield "u", rms_u(place / "ours", procedure), None, None, rms_u(folder, procedure)
 
 
-def budget(procedure: str, seed: int, place: Path) -> Iterator[Row]:
+def budget(procedure: str, seed: int, place: Path, *, foreign: bool = False) -> Iterator[Row]:
     """Yield the large type B lines in a recovered laboratory, and in the certificate."""
     tested = vl.certify("r161", procedure=procedure, seed=seed)
-    sample = sample_in(vl.laboratory(tested.save(place / "day")).save(place / "ours"), procedure)
+    session = tested.certification.session
+    if foreign:
+        rigs = {stage: f"{name}, hall 2" for stage, name in session.rigs.items()}
+        session = replace(session, rigs=rigs, origin=Supplied(laboratory="Crosstown", customer=""))
+    (place / "day").mkdir()
+    pack(session).write(place / "day")
+    sample = sample_in(vl.laboratory(place / "day").save(place / "ours"), procedure)
     metric = tested.certification.metric
     assert metric is not None
     for part in metric.components:
@@ -166,7 +198,13 @@ def main(study: str, procedure: str, first: int, laboratories: int, out: Path) -
             file.flush()
 
 
-STUDIES = {"scatter": scatter, "rms": rms, "budget": budget}
+STUDIES = {
+    "scatter": scatter,
+    "rms": rms,
+    "rms-stated": partial(rms, every=False),
+    "budget": budget,
+    "foreign": partial(budget, foreign=True),
+}
 
 if __name__ == "__main__":
     if sys.argv[1] == "table":
