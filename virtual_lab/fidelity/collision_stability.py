@@ -144,7 +144,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
     )
     return StabilityMap(
         title="stability of the collision",
-        text=f"rows: {down}\n\n{maps_text(rows, State, ('step',))}",
+        text=f"rows: {down}; {maps_text(rows, State, ('step',))}",
         rows=rows,
         picture=partial(draw_maps, title=title, states=State, down=down, framed="1"),
     )
