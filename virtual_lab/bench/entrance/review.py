@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import starmap
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -190,8 +190,11 @@ def _play_again(stored: StoredDay) -> Iterator[tuple[DayEvent, DayEvent]]:
 
 def _is_same(event: DayEvent, again: DayEvent) -> bool:
     """Return whether two entries differ at most by rounding."""
-    stated, played = (json.loads(json.dumps(asdict(each))) for each in (event, again))
-    return not any(differences(stated, played, LOG))
+    stated, played = (
+        json.dumps({each.name: getattr(entry, each.name) for each in fields(entry)})
+        for entry in (event, again)
+    )
+    return stated == played or not any(differences(json.loads(stated), json.loads(played), LOG))
 
 
 def play_day(folder: Path) -> BatTest:
