@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import gc
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 # Threads of the linear algebra: for our small matrices they only wait for one another on a busy
@@ -22,6 +25,14 @@ if TYPE_CHECKING:  # types only: the process that distributes the tests needs no
 # Byte code is kept: without it each process of the tests would compile all libraries again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# Temporary files are kept in memory, if it has room: each entry of a log waits 30 ms for a disk.
+# The folders of tests that pass are deleted at the end (pyproject.toml).
+MEMORY, ROOM = Path("/dev/shm"), 4e9  # B
+if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM:
+    runs_scripts = not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC
+    os.environ.setdefault("TMPDIR", str(MEMORY if runs_scripts else tempfile.gettempdir()))
+    tempfile.tempdir = None  # read again
 
 pytest.register_assert_rewrite("tests.rigs.conformance")
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ast
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import pytest
 
 import virtual_lab as vl
 from tests.cli.test_commands import COMMANDS, context_of
+from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.commands.call import Call, RefusedError, bind, field_of
 from virtual_lab.commands.lines import python_line, shell_line, shell_words
@@ -82,9 +81,9 @@ def test_the_line_of_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.chdir(tmp_path)
     words = "profile r161 ea70 --swing 0.3 --out {0} --csv {0}.csv --plot {0}.svg"
     call = call_of(words.format("a"))
-    subprocess.run([sys.executable, "-c", python_line(call)], check=True)
+    exec(python_line(call), {})
     words = shell_words(call_of(words.format("b")))[1:]
-    subprocess.run([sys.executable, "-m", "virtual_lab", *words], check=True, capture_output=True)
+    assert cli.main(words, standalone_mode=False) == 0
     names = [sorted(each.name for each in Path(name).iterdir()) for name in "ab"]
     assert names[0] == names[1]
     assert Path("a.svg").exists()
