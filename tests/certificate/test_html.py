@@ -189,6 +189,8 @@ def test_a_fail_by_the_limit_gives_value_and_limit() -> None:
     said = f"BPF {value:.4f} is above the limit 0.800"
     document = certificate(case("fail"))
     assert document.reasons == (said,)
+    first = certificate_text(document).partition("\n")[0]
+    assert re.fullmatch(rf"FAIL: BPF {value:.3f}\d* ± [\d.]+, limit 0\.800", first)
     for where in (page("fail"), notebook_card(document)):
         assert f"The bat does not meet the rules: {said}" in words(where)
     assert certificate(quick()).reasons == ()

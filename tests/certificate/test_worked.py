@@ -138,9 +138,11 @@ def test_a_corrected_result_is_also_stated_without_correction(case: str) -> None
     if correction:
         assert list(same(correction["as_found"], expected, "as_found")) == []
         unit = MPH if case == "proposed" else 1.0
-        value, u = re.findall(r"\d+\.\d+", lines[0])
+        value, *si, u = re.findall(r"\d+\.\d+", lines[0])
         assert agrees(value, expected["value"] / unit)
         assert agrees(u, expected["u"] / unit)
+        assert len(si) == (unit != 1.0)
+        assert all(agrees(each, expected["value"]) for each in si)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -238,13 +240,20 @@ def test_every_unverified_value_is_the_procedures(case: str) -> None:
 
 
 def agrees(text: str, value: float) -> bool:
-    """Return whether a printed number equals `value` to half of its last digit."""
+    """Return whether a printed number equals `value` to half of its last digit.
+
+    A speed [mph] is followed by the same in m/s.
+    """
+    text, _, metric = text.partition(" (")
+    if metric and not agrees(metric.rstrip(")"), value * MPH):
+        return False
     printed = text.replace("\N{MINUS SIGN}", "-").replace("+", "")
     half = 0.5 * 10.0 ** -len(printed.partition(".")[2])
     return abs(float(printed) - value) <= half * (1 + 1e-6)
 
 
 def has_two_digits(text: str) -> bool:
+    text = text.partition(" (")[0]
     return text == "0" or len(text.replace(".", "").lstrip("0")) == 2 or "." not in text
 
 
@@ -320,22 +329,22 @@ def test_the_pages_quantities_are_the_documents(case: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_result_is_the_documents(case: str) -> None:
     stated, text = document(case)["metric"], words(case)
-    unit, size = (" mph", MPH) if stated["name"] == "batted_speed" else ("", 1.0)
+    unit, size = ("", 1.0)
+    if stated["name"] == "batted_speed":
+        unit, size = (r" mph \(([\d.]+) ± ([\d.]+) m/s\)", MPH)
     value, u = stated["value"] / size, stated["u"] / size
     low, high = (each / size for each in stated["interval_95"])
     (found,) = re.findall(
-        rf"= ([\d.]+) ± ([\d.]+){unit} 95 % interval [\d.]+ to [\d.]+ "
+        rf"= ([\d.]+) ± ([\d.]+){unit} 95 % interval [\d.]+ to [\d.]+.*? "
         r"\(k = ([\d.]+), ν = ([\d.∞]+)\)",
         text,
     )
-    assert agrees(found[0], value)
-    assert agrees(found[1], high - value)
+    expected = [value, high - value, *([value * MPH, (high - value) * MPH] if unit else [])]
+    assert all(map(agrees, found, [*expected, (high - value) / u, stated["dof"]]))
     assert has_two_digits(found[1])
-    assert agrees(found[2], (high - value) / u)
-    assert agrees(found[3], stated["dof"])
-    (found,) = re.findall(r"interval ([\d.]+) to ([\d.]+)", text)
-    assert agrees(found[0], low)
-    assert agrees(found[1], high)
+    of = r" mph \(([\d.]+) to ([\d.]+) m/s\)" if unit else ""
+    (found,) = re.findall(rf"interval ([\d.]+) to ([\d.]+){of}", text)
+    assert all(map(agrees, found, (low, high, low * size, high * size)))
     (found,) = re.findall(
         r"Combined type A contributions: ([\d.]+)\. Combined type B contributions: ([\d.]+)\.", text
     )
@@ -425,7 +434,7 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_pages_means_along_the_barrel_are_the_documents(case: str) -> None:
-    """Speeds and their u in mph; a mean of one hit has no u."""
+    """Speeds and their u in both units; a mean of one hit has no u."""
     stated, rows = document(case)["along"], rows_under(case, "Along the barrel")
     assert len(rows) == (len(document(case)["places"]) if stated else 0)
     for number, (_, hits, *shown) in enumerate(rows):
@@ -436,7 +445,8 @@ def test_the_pages_means_along_the_barrel_are_the_documents(case: str) -> None:
             if u != "–":
                 assert agrees(u, each["u"][number] / size)
                 assert has_two_digits(u)
-                assert len(mean.partition(".")[2]) == len(u.partition(".")[2])
+                places = [len(each.split()[0].partition(".")[2]) for each in (mean, u)]
+                assert places[0] == places[1]
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -475,7 +485,7 @@ def test_the_ball_off_a_bat_at_rest_is_a_rebound_and_no_batted_ball(case: str) -
     along = {each["name"]: each for each in stated["along"]["quantities"]}
     assert ("rebound_speed" in along) == at_rest == ("batted_speed" not in along)
     heads = {"".join(each.itertext()) for each in page(case).iter("th")}
-    assert ("rebound speedmph" in heads) == at_rest == ("vfmph" not in heads)
+    assert ("rebound speedmph (m/s)" in heads) == at_rest == ("vfmph (m/s)" not in heads)
     assert ("rebound speed, mph" in drawing(case, "along")) == at_rest
     if at_rest:
         assert along["rebound_speed"]["unit"] == "m/s"
@@ -551,7 +561,7 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     metric = stated["metric"]
     size = MPH if metric["name"] == "batted_speed" else 1.0
     (found,) = re.findall(
-        r"^  \S+ +([\d.]+) ± ([\d.]+).* \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+), "
+        r"^  \S+ +([\d.]+) ± ([\d.]+).* \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+).*, "
         r"(?:no limit|limit ([\d.]+))",
         text,
         re.MULTILINE,
@@ -566,7 +576,8 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
             *_, found = re.findall(rf"^  {symbol} +([\d.]+) \(u ([\d.]+)\)", text, re.MULTILINE)
             assert agrees(found[0], stated[key]["value"])
             assert agrees(found[1], stated[key]["u"])
-    laws = re.findall(r"^    ([\d.]+) +([\d.]+) \(u ([\d.]+)\) +([\d.]+)$", text, re.MULTILINE)
+    speed = r" +([\d.]+ \([\d.]+\))"
+    laws = re.findall(rf"^    ([\d.]+){speed}{speed} +([\d.]+)$", text, re.MULTILINE)
     assert len(laws) == len(stated["swing_range"])
     for shown, row in zip(laws, stated["swing_range"], strict=True):
         numbers = (row["exponent"], row["value"] / MPH, row["u"] / MPH, row["impact_position_in"])

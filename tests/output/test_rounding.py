@@ -70,6 +70,6 @@ def test_any_uncertainty_is_printed_within_half_its_second_digit(power: int) -> 
 
 def test_a_limit_is_printed_in_the_unit_of_its_metric() -> None:
     """98.6 mph are 44.078 m/s."""
-    assert METRICS["batted_speed"].limit(98.6 * MPH) == "98.6 mph"
+    assert METRICS["batted_speed"].limit(98.6 * MPH) == "98.6 mph (44.1 m/s)"
     assert METRICS["restitution"].limit(0.5) == "0.500"
     assert METRICS["restitution"].limit(0.50117, more=1) == "0.5012"

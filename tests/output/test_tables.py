@@ -41,6 +41,17 @@ def test_columns_of_an_inline_field_have_no_prefix():
     ]
 
 
+def test_a_speed_is_printed_in_both_units() -> None:
+    """60 mph are 88 ft/s, 26.82 m/s; a table of mappings states no unit."""
+
+    @dataclass
+    class Row:
+        speed: float = column("speed", "mph", "+.2f")
+
+    assert table_text([Row(60.0)]) == "speed [mph (m/s)]\n+60.00 (+26.82)"
+    assert table_text([{"speed": 60.0}]) == "speed\n60"
+
+
 def test_a_wide_table_has_heads_of_several_lines_and_blocks() -> None:
     """Every number is in the text once, in a line of its row, and no line is too wide."""
     rows = [

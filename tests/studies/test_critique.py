@@ -150,9 +150,9 @@ def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> No
 def test_the_text_ranks_from_the_greatest_down() -> None:
     found = made_up((90.0, 91.0), (90.1, 91.3))
     said = found.text
-    assert "103.0 (1)" in said
-    assert "v_f 90.00 (2)" in said
-    assert "+3.00 mph" in said
+    assert "103.0 (46.0): 1" in said
+    assert "v_f 90.00 mph (40.23 m/s): 2" in said
+    assert "+3.00 mph (+1.34 m/s)" in said
     assert "opposite order 100.0% (15.8% to 100.0%)" in said  # 2 of 2: from .025^(1/2)
 
 

@@ -89,7 +89,7 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(
 def test_a_sheet_states_the_slowest_rebound_of_its_gates() -> None:
     """0.5502 m √(g / 0.15 m) = 4.449 m/s = 9.952 mph."""
     text = show("pivot-gates").text
-    assert "75 mm of fall: 10.0 mph at 0.5502 m, 4.5 mph at 0.2499 m; " in text
+    assert "75 mm of fall: 10.0 mph (4.4 m/s) at 0.5502 m, 4.5 mph (2.0 m/s) at 0.2499 m; " in text
     assert "slowest" not in show("lab-scale").text
 
 

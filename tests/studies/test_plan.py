@@ -129,7 +129,7 @@ def test_present_laboratory_may_reach_the_target():
     rules = vl.procedure("asa").with_(largest_speed_u="0.137 mph")
     plans = vl.plan(rules, bat="softball-34", target_u=0.2, laboratories=TESTS)
     assert [row.plan for row in plans] == ["present"]
-    assert "u up to 0.2 mph: the present laboratory reaches 0." in plans.title
+    assert "u up to 0.2 mph (0.0894 m/s): the present laboratory reaches 0." in plans.title
     tests = vl.sweep("softball-34", procedures=rules, laboratories=TESTS)
     assert plans[0].invalid == (tests["verdict"] == "INVALID").sum() > 20
 
@@ -161,7 +161,8 @@ def test_floor_if_no_plan_reaches_the_target():
     assert floor.simulated_u < 0.6 * present.simulated_u
     assert floor.planned_u == pytest.approx(floor.simulated_u, rel=0.05)
     (sentence,) = (line for line in plans.text.split(". ") if "floor is" in line)
-    assert f"the floor is {floor.simulated_u:.3g} mph, with bat.balance 0." in sentence
+    u = floor.simulated_u
+    assert f"floor is {u:.3g} mph ({0.44704 * u:.3g} m/s), with bat.balance 0." in sentence
     assert sentence.count(",") == 3
 
 

@@ -28,10 +28,10 @@ from virtual_lab.certificate.document import (
 )
 from virtual_lab.measurement.diagnostics import CALIBRATION_DUE, SCALE_DRIFT
 from virtual_lab.output.metrics import METRICS, QUANTITIES, MetricFormat
-from virtual_lab.output.rounding import decimals, digits
+from virtual_lab.output.rounding import both_units, decimals, digits, in_both_units, with_unit
 from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.records.particulars import InstrumentIdentity
-from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2, ZERO_CELSIUS
+from virtual_lab.units import INCH, OUNCE, OZ_IN2, ZERO_CELSIUS
 
 NONE = "–"
 SYMBOLS = {
@@ -171,10 +171,9 @@ def _conditions(document: CertificateDocument) -> dict[str, str]:
     """Return speeds and impact position of the hits as strings; "" for a missing value."""
     speed, place = document.v_rel_mph, document.impact_position_in
     return {
-        "relative": _number(speed, 2, ""),
-        "relative_si": _number(None if speed is None else speed * MPH, 2, ""),
-        "ball": _number(document.nominal_speed_mph, 1),
-        "bat": _number(document.nominal_bat_speed_mph, 1),
+        "relative": "" if speed is None else with_unit(speed, "mph", ".2f"),
+        "ball": with_unit(document.nominal_speed_mph, "mph", ".1f"),
+        "bat": with_unit(document.nominal_bat_speed_mph, "mph", ".1f"),
         "place": _number(place, 2, ""),
         "place_mm": _number(None if place is None else place * INCH * 1e3, 1, ""),
     }
@@ -260,12 +259,15 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
     rows = []
     for row in document.swing_range:
         places = decimals(metric.in_unit(row.u))
-        low, high = (_number(metric.in_unit(bound), places) for bound in row.interval_95)
+        value, u, low, high = (
+            _number(metric.in_unit(each), places, unit=metric.unit)
+            for each in (row.value, row.u, *row.interval_95)
+        )
         rows.append(
             {
                 "exponent": f"{row.exponent:g}",
-                "value": _number(metric.in_unit(row.value), places),
-                "u": digits(metric.in_unit(row.u)),
+                "value": value,
+                "u": u,
                 "interval": f"{low} to {high}",
                 "place": f"{row.impact_position_in:.2f}",
             }
@@ -290,12 +292,11 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     hits = f"{document.valid_hits} valid {'hit' if document.valid_hits == 1 else 'hits'}"
     if verdict == "INVALID":
         hits += f" ({document.procedure.hits_needed} required)"
-    unit = f" {printed.unit}" if printed.unit else ""
     sentence = VERDICTS[verdict]
     stated = _format_result(metric, printed) if document.states_result else {}
     limit = "none" if metric.limit is None else printed.limit(metric.limit)
     if verdict == "PASS":
-        sentence = f"{sentence}: {stated['value']}{unit} does not exceed {limit}"
+        sentence = f"{sentence}: {stated['value_text']} does not exceed {limit}"
     if document.reasons:
         joint = " for this bat; " if verdict == "MEASURED" else ": "
         sentence += joint + "; ".join(document.reasons)
@@ -304,7 +305,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     return {
         "words": printed.words,
         "symbol": printed.symbol,
-        "unit": unit,
+        "unit": both_units(printed.unit),
         "verdict": verdict,
         "said": sentence,
         "hits": hits,
@@ -340,22 +341,30 @@ def _risk(risk: RiskStated) -> str:
 def _format_result(metric: MetricStated, printed: MetricFormat) -> dict[str, object]:
     """Return value, expanded uncertainty and interval as printed; {} without a result."""
     values = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
-    numbers = [printed.in_unit(number) for number in values if number is not None]
+    numbers = [number for number in values if number is not None]
     if len(numbers) < len(values) or metric.interval_95 is None:
         return {}
-    value, u, u_type_a, u_type_b, low, high = numbers
-    expanded, dof = high - value, metric.dof
-    places, certain = decimals(expanded), digits(u) == "0"
+    value, *_, low, high = numbers
+    u, u_type_a, u_type_b = map(printed.in_unit, numbers[1:4])
+
+    def write(number: float, size: float) -> str:
+        return f"{number / size:.{decimals((high - value) / size)}f}"
+
+    def expanded(size: float) -> str:
+        return digits((high - value) / size)
+
+    size, dof, certain = printed.unit_si, metric.dof, digits(u) == "0"
     return {
         "uncertain": not certain,
-        "value": f"{value:.{places}f}",
-        "expanded": digits(expanded),
-        "low": f"{low:.{places}f}",
-        "high": f"{high:.{places}f}",
+        "value": write(value, size),
+        "expanded": expanded(size),
+        "text": printed.text(lambda size: f"{write(value, size)} ± {expanded(size)}"),
+        "value_text": printed.text(lambda size: write(value, size)),
+        "interval": printed.text(lambda size: f"{write(low, size)} to {write(high, size)}"),
         "u": digits(u),
         "u_type_a": digits(u_type_a),
         "u_type_b": digits(u_type_b),
-        "k": NONE if certain else f"{expanded / u:.2f}",
+        "k": NONE if certain else f"{(high - value) / size / u:.2f}",
         "dof": "∞" if dof is None else f"{dof:.1f}" if dof < 100 else f"{dof:.0f}",
     }
 
@@ -418,17 +427,17 @@ def _as_found(document: CertificateDocument) -> dict[str, str] | None:
     correction = document.ball_correction
     if correction is None or correction.as_found is None or not document.states_result:
         return None
-    printed = METRICS[document.metric.name]
-    unit = f" {printed.unit}" if printed.unit else ""
-    return {**_with_u(correction.as_found, 1 / printed.unit_si), "unit": unit}
+    printed, stated = METRICS[document.metric.name], correction.as_found
+    text = printed.text(lambda size: _with_u(stated, 1 / size)["value"])
+    return {**_with_u(stated, 1 / printed.unit_si), "text": text}
 
 
 def _choice(document: CertificateDocument) -> str:
     """Return the correction for choosing the best position of a scan, with its unit."""
     if document.choice is None:
         return ""
-    printed = METRICS[document.metric.name]
-    return f"{digits(printed.in_unit(document.choice.correction))} {printed.unit}".rstrip()
+    more = document.choice.correction
+    return METRICS[document.metric.name].text(lambda size: digits(more / size))
 
 
 def _width(width: WidthStated | None) -> dict[str, str] | None:
@@ -456,7 +465,7 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
             {
                 "symbol": metric.symbol if of_metric else column.symbol,
                 "words": column.words,
-                "unit": metric.unit if of_metric else column.unit,
+                "unit": both_units(metric.unit if of_metric else column.unit),
             }
         )
         columns.append(
@@ -465,6 +474,7 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
                     metric.in_unit(value) if of_metric else value,
                     column.places,
                     column.otherwise or NONE,
+                    metric.unit if of_metric else column.unit,
                 )
                 for value in values
             ]
@@ -489,14 +499,15 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
     ]
     for number, place in enumerate(document.places):
         row = [_number(place.impact_position_in, 2), str(place.hits)]
-        for each, (_, _, size), few in zip(document.along.quantities, sizes, fewest, strict=True):
-            mean, u = each.mean[number] / size, each.u[number]
-            if u is None:
-                row += [_number(mean, few), NONE]
-            else:
-                row += [_number(mean, decimals(u / size)), digits(u / size)]
+        for each, (_, unit, size), few in zip(
+            document.along.quantities, sizes, fewest, strict=True
+        ):
+            u = each.u[number]
+            places = few if u is None else decimals(u / size)
+            values = (each.mean[number] / size, None if u is None else u / size)
+            row += [_number(value, places, unit=unit) for value in values]
         rows.append(row)
-    heads = [{"symbol": symbol, "words": "", "unit": unit} for symbol, unit, _ in sizes]
+    heads = [{"symbol": symbol, "words": "", "unit": both_units(unit)} for symbol, unit, _ in sizes]
     return {"heads": heads, "rows": rows}
 
 
@@ -620,7 +631,7 @@ def _with_u(stated: Stated | WidthStated | ControlRatio, factor: float = 1.0) ->
     return {"value": f"{value * factor:.{decimals(u * factor)}f}", "u": digits(u * factor)}
 
 
-def _number(value: float | None, places: int, otherwise: str = NONE) -> str:
+def _number(value: float | None, places: int, otherwise: str = NONE, unit: str = "") -> str:
     if value is None or not isfinite(value):
         return otherwise
-    return f"{value:.{places}f}".replace("-", "−")
+    return in_both_units(value, unit, f".{places}f").replace("-", "−")

@@ -8,7 +8,6 @@ from typing import Any
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.printed import printed_values
 from virtual_lab.output.tables import table_text
-from virtual_lab.units import MPH
 
 
 def certificate_text(document: CertificateDocument) -> str:
@@ -18,10 +17,10 @@ def certificate_text(document: CertificateDocument) -> str:
     lines.append(f"{document.bat.name} by {procedure.name} ({procedure.edition})")
     if document.states_result:
         lines += [f"  {line}" for line in _result(document, printed)]
-    lines += [
-        f"  {'meets' if finding.met else 'does not meet'}: {finding.sentence}"
-        for finding in document.findings
-    ]
+    rules = {finding.sentence: finding.met for finding in document.findings}
+    if document.verdict == "FAIL":
+        rules |= dict.fromkeys(document.reasons, False)
+    lines += [f"  {'meets' if met else 'does not meet'}: {each}" for each, met in rules.items()]
     lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
     lines += [f"  {words[0].lower()}{words[1:-1]}" for words in printed["not_checked"]]
     lines.append(f"  valid hits: {document.valid_hits}, rejected: {len(document.rejected_hits)}")
@@ -40,13 +39,15 @@ def certificate_text(document: CertificateDocument) -> str:
 
 
 def _answer(document: CertificateDocument, result: dict[str, Any]) -> str:
-    """Return verdict, result and reasons, such as ``PASS: e 0.483 ± 0.004, limit 0.500``."""
-    parts = [*document.reasons]
+    """Return verdict, result and reasons, such as ``PASS: e 0.483 ± 0.004, limit 0.500``.
+
+    A result above the limit is no further reason here, because both numbers are there.
+    """
+    unmet = [finding.sentence for finding in document.findings if not finding.met]
+    parts = [*(unmet if document.verdict == "FAIL" else document.reasons)]
     if result["stated"]:
         limit = "" if result["limit"] == "none" else f", limit {result['limit']}"
-        value = f"{result['symbol']} {result['value']} ± {result['expanded']}{result['unit']}"
-        both = f" ({document.metric.value:.2f} m/s)" if document.metric.unit == "m/s" else ""
-        parts.insert(0, value + both + limit)
+        parts.insert(0, f"{result['symbol']} {result['text']}{limit}")
     parts += ["marginal: the limit is within the 95 % interval"] if document.marginal else []
     return f"{document.verdict}: {'; '.join(parts)}"
 
@@ -56,20 +57,18 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     result, at = printed["result"], printed["conditions"]
     most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
     first = f", to first order {result['u_first_order']}" if result["u_first_order"] else ""
-    value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']}{first})"
-    interval = f"95 % interval {result['low']} to {result['high']}"
-    yield f"{result['symbol']:4} {value}   {interval}, {most}"
+    value = f"{result['text']} (u {result['u']}{first})"
+    yield f"{result['symbol']:4} {value}   95 % interval {result['interval']}, {most}"
     if as_found := printed["as_found"]:
         yield (
-            f"{result['symbol']:4} {as_found['value']}{as_found['unit']} (u {as_found['u']})"
+            f"{result['symbol']:4} {as_found['text']} (u {as_found['u']})"
             "   as found, with these balls"
         )
     for row in printed["quantities"]:
         symbol = row["symbol"].replace("_0", "0")
         which = f"   {document.recoil.which}" if symbol == "r" else ""
         yield f"{symbol:4} {row['value']} (u {row['u']}){which}"
-    speed = "" if document.v_rel_mph is None else f" ({document.v_rel_mph * MPH:.2f} m/s)"
-    yield f"at {at['relative']} mph{speed}, {at['place']} in from the tip"
+    yield f"at {at['relative']}, {at['place']} in from the tip"
     if printed["choice"]:
         more = printed["choice"]
         yield f"includes {more} because the chosen impact position may not be the best one"
@@ -79,11 +78,12 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
         yield f"within {width['drop']} of the curve's maximum along {along} in of barrel, {where}"
     if printed["swings"]:
         yield "for other exponents n of the swing law:"
-        title = f"{result['symbol']},{result['unit']}"
+        title = f"{result['symbol']}, {result['unit']}".removesuffix(", ")
         rows = [
             {
                 "n": row["exponent"],
-                title: f"{row['value']} (u {row['u']})",
+                title: row["value"],
+                "u": row["u"],
                 "best position, in": row["place"],
             }
             for row in printed["swings"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -27,7 +28,15 @@ class MetricFormat:
 
     def limit(self, value: float, more: int = 0) -> str:
         """Return a limit [SI] as printed, with its unit and `more` additional decimals."""
-        return f"{self.in_unit(value):.{self.places + more}f} {self.unit}".rstrip()
+        return self.text(lambda size: f"{value / size:.{self.places + more}f}")
+
+    def text(self, write: Callable[[float], str]) -> str:
+        """Return a value with its printed unit and, of a speed, with the SI unit in parentheses.
+
+        `write` returns the number as text in a unit, given the size of the unit [SI].
+        """
+        text = write(self.unit_si)
+        return f"{text} {self.unit} ({write(1.0)} {self.si_unit})" if self.unit else text
 
 
 METRICS = {

@@ -54,6 +54,23 @@ def speed_text(speed: float, places: int = 1) -> str:
     return f"{speed:.{places}f} m/s ({speed / MPH:.{places}f} mph)"
 
 
+def both_units(unit: str) -> str:
+    """Return the unit of a column as printed. A speed in mph is printed in m/s too."""
+    return "mph (m/s)" if unit == "mph" else unit
+
+
+def in_both_units(value: float, unit: str, form: str) -> str:
+    """Return a number in the format `form`; a speed in mph as ``60.00 (26.82)``, then in m/s."""
+    text = f"{value:{form}}"
+    return f"{text} ({value * MPH:{form}})" if unit == "mph" else text
+
+
+def with_unit(value: float, unit: str, form: str) -> str:
+    """Return a number and its unit as text; a speed in mph as ``60.00 mph (26.82 m/s)``."""
+    text = f"{value:{form}} {unit}".rstrip()
+    return f"{text} ({value * MPH:{form}} m/s)" if unit == "mph" else text
+
+
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
     """Return a message about a value outside its limits.
 

@@ -22,7 +22,9 @@ class Column(NamedTuple):
     @property
     def head(self) -> str:
         """The title with its unit."""
-        return f"{self.title} [{self.unit}]" if self.unit else self.title
+        from virtual_lab.output.rounding import both_units  # which loads numpy
+
+        return f"{self.title} [{both_units(self.unit)}]" if self.unit else self.title
 
 
 def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g") -> Any:
@@ -185,7 +187,9 @@ def _cell(row: Any, values: Mapping[str, Any], key: str, printed: Column) -> str
     if value is None:
         return ""
     if isinstance(value, float):
-        return f"{value:{printed.form}}"
+        from virtual_lab.output.rounding import in_both_units
+
+        return in_both_units(value, printed.unit, printed.form)
     if isinstance(value, (list, tuple)):
         return ", ".join(f"{item:g}" for item in value)
     return str(value)

@@ -25,6 +25,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
+from virtual_lab.output.rounding import in_both_units, with_unit
 from virtual_lab.output.tables import inline, number, record, table_text
 from virtual_lab.parameters import (
     AnyLaboratory,
@@ -414,7 +415,7 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
         for key, speed in row.batted_speeds.items():
             rank = 1 + sum(other > speed for other in {each.batted_speeds[key] for each in metrics})
             swing = key.split("_")[2].removeprefix("n")
-            line[f"v_f, n = {swing}"] = f"{speed:.1f} ({rank})"
+            line[f"v_f [mph (m/s)], n = {swing}"] = f"{in_both_units(speed, 'mph', '.1f')}: {rank}"
         rivals = [each.error_free for each in metrics if each.procedure == row.procedure]
         line[row.procedure] = _metric_with_rank(
             row, [value for value in rivals if value is not None]
@@ -428,7 +429,7 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
         pair, swing = f"{each.bat} - {each.against}", swing_text(each.swing_exponent)
         empty = {"pair": pair, "procedure": "the field", "error-free": "", "mean": "", "sd": ""}
         field = lines.setdefault((each.bat, each.against, ""), empty)
-        field[swing] = f"{each.batted_speed_difference_mph:+.2f} mph"
+        field[swing] = with_unit(each.batted_speed_difference_mph, "mph", "+.2f")
         line = lines.setdefault(
             (each.bat, each.against, each.procedure),
             {
@@ -444,7 +445,7 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
             line[swing] += f" {ranked.opposite / ranked.laboratories:.1%} ("
             line[swing] += f"{ranked.opposite_low:.1%} to {ranked.opposite_high:.1%})"
     return (
-        "results of an error-free laboratory, with the rank among the bats in parentheses\n"
+        "results of an error-free laboratory, with the rank among the bats\n"
         f"{table_text(list(tables.values()))}\n{fired}\n\n"
         "differences, first minus second bat, with the share of laboratories that find the "
         "opposite of the order in the field,\nand its 95 % interval (Clopper-Pearson), of those "
@@ -459,4 +460,4 @@ def _metric_with_rank(row: BatRank, rivals: Sequence[float]) -> str:
         return "no result"
     places = 2 if row.unit == "mph" else 4
     rank = 1 + sum(other > row.error_free for other in rivals)
-    return f"{row.metric} {row.error_free:.{places}f} ({rank})"
+    return f"{row.metric} {with_unit(row.error_free, row.unit, f'.{places}f')}: {rank}"

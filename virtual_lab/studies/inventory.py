@@ -13,6 +13,7 @@ from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import read_toml
 from virtual_lab.output.result import Json, Rows
+from virtual_lab.output.rounding import with_unit
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.parameters import Kind
 from virtual_lab.sheets import AnyName
@@ -101,11 +102,12 @@ class SlowestRebound:
     def text(self) -> str:
         """The result in one line."""
         gates = ", ".join(
-            f"{gate['speed_mph']:.1f} mph at {gate['distance_m']:g} m" for gate in self.at_gates
+            f"{with_unit(gate['speed_mph'], 'mph', '.1f')} at {gate['distance_m']:g} m"
+            for gate in self.at_gates
         )
         return (
             f"slowest horizontal rebound detected, with {self.fall_mm:g} mm of fall: {gates}; "
-            f"a speed needs two gates: from {self.told_mph:.1f} mph"
+            f"a speed needs two gates: from {with_unit(self.told_mph, 'mph', '.1f')}"
         )
 
 
@@ -198,7 +200,8 @@ def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate 
     ----------
     name
         A name in the catalog, the .toml file of a bat, a result folder, or its
-        ``certificate.json``. If two kinds have the name, ``rigs/NAME`` is that of the kind rigs.
+        ``certificate.json``. If two kinds have the name, the kind comes first, for example
+        ``rigs/astm-pivot``.
     toml
         Print the text of the sheet, to be copied and changed.
 

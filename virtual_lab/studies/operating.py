@@ -25,6 +25,7 @@ from virtual_lab.measurement.procedure import exemption
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.rounding import both_units, in_both_units
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.parameters import AnyLaboratory, Numbers, Positive, Seed, values_of
@@ -258,7 +259,9 @@ def _answers(
     """
     lines = [
         {
-            f"true {single.metric} {single.unit}".rstrip(): f"{single.true_value:.4g}",
+            f"true {single.metric} {both_units(single.unit)}".rstrip(): in_both_units(
+                single.true_value, single.unit, ".4g"
+            ),
             "over the limit": f"{100 * (single.true_value / limit - 1):+.1f} %",
             "one test": _best_of(1, single),
             "best of 3 tests": _best_of(1, three),

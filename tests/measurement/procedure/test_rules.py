@@ -187,8 +187,9 @@ def test_each_unmet_rule_is_named() -> None:
 def test_an_unmet_limit_is_stated_in_the_printed_unit() -> None:
     slow = catalog.load("procedures", "asa", Procedure).spec
     ((said,),) = unmet(slow, bats(31.0), slow.metric_limit + 0.1 * MPH)
-    printed = slow.metric_limit / MPH
-    assert said == f"v_f {printed + 0.1:.2f} mph is above the limit {printed:.1f} mph"
+    most = slow.metric_limit
+    above = f"{most / MPH + 0.1:.2f} mph ({most + 0.1 * MPH:.2f} m/s)"
+    assert said == f"v_f {above} is above the limit {most / MPH:.1f} mph ({most:.1f} m/s)"
 
 
 def test_verdict_and_reasons_come_from_one_table() -> None:

@@ -162,7 +162,7 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
         )
     return LawTable(
         name="sensitivity",
-        title=f"{spec.name}: largest values (positions, in from the tip) by force law of the ball",
+        title=f"{spec.name}: largest values (at inches from the tip) by force law of the ball",
         columns=columns_of(rows[0]) | PEAK_COLUMNS,
         rows=rows,
         words=spread_of(rows),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from virtual_lab.catalog.specs import PublishedBat
-from virtual_lab.output.rounding import speed_text
+from virtual_lab.output.rounding import in_both_units, speed_text, with_unit
 from virtual_lab.output.tables import Column, column, columns_of, inline, number, table_text
 from virtual_lab.relations.peaks import Peak
 from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
@@ -188,7 +188,7 @@ def comparison_text(
     columns = pair | swung | columns_of(differences[0])
     return (
         f"{_hardest_hitters(peaks)}\n\n"
-        f"largest values (and positions, inches from the tip), {balls_text(balls)}\n"
+        f"largest values (at inches from the tip), {balls_text(balls)}\n"
         f"{table_text(peaks, tops)}\n\n{table_text(differences, columns)}"
     )
 
@@ -220,11 +220,11 @@ def spread_of(rows: Sequence[LawRow]) -> str:
     position [in]. `rows` has one row per force law, at least one.
     """
     spreads = (
-        f"{symbol} {_spread(rows, f'peak_{name}'):{form}}{f' {unit}' if unit else ''} "
-        f"({_spread(rows, peak_position(name)):.2f} in)"
+        f"{symbol} {with_unit(_spread(rows, f'peak_{name}'), unit, form)}, "
+        f"its position {_spread(rows, peak_position(name)):.2f} in"
         for name, (symbol, unit, form) in PEAKS.items()
     )
-    return f"spread over the laws: {', '.join(spreads)}"
+    return f"spread over the laws: {'; '.join(spreads)}"
 
 
 def _spread(rows: Sequence[LawRow], key: str) -> float:
@@ -233,9 +233,13 @@ def _spread(rows: Sequence[LawRow], key: str) -> float:
 
 
 def _top(name: str, form: str) -> Callable[[Peaks | LawRow], str]:
-    return lambda row: f"{row.peaks[f'peak_{name}']:{form}} ({row.peaks[peak_position(name)]:.2f})"
+    unit = PEAKS[name][1]
+    return lambda row: (
+        f"{in_both_units(row.peaks[f'peak_{name}'], unit, form)} at "
+        f"{row.peaks[peak_position(name)]:.2f}"
+    )
 
 
-PEAK_COLUMNS = {  # largest values, with their positions in parentheses
+PEAK_COLUMNS = {  # largest values, at their positions
     name: Column(symbol, unit, _top(name, form)) for name, (symbol, unit, form) in PEAKS.items()
 }

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.rounding import with_unit
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.parameters import (
     AboveZero,
@@ -138,10 +139,11 @@ def plan(
 
         Or a sheet, ``vl.bat("r161")``, with changed values if needed.
     prices
-        File of prices, .toml, or its keys and values as a mapping. The plans are then sorted by
-        price. Its keys are ``tests``, ``per_minute``, ``per_ball`` and ``instruments``, each
-        with value, unit and source; ``virtual-lab template prices FILE`` writes an empty one. Only
-        instruments with a price are exchanged.
+        File of prices, .toml; `template` writes an empty one. The plans are then sorted by price.
+        Only instruments with a price are exchanged.
+
+        Or its keys and values as a mapping. The keys are ``tests``, ``per_minute``, ``per_ball``
+        and ``instruments``, each with value, unit and source.
     laboratories
         Number of simulated tests per plan, at least 100; more where the search needs them.
     seed
@@ -198,7 +200,7 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
         words.append("No single change of the present laboratory reaches the target.")
     rows = [search.row(at, name) for name, at in chosen.items()]
     setup, unit = search.laboratory.shared.setup, search.printed.unit
-    target = f"{search.target:g} {unit}".rstrip()
+    target = with_unit(search.target, unit, ".3g")
     return LaboratoryPlans(
         name="plan",
         title=f"{setup.bat.spec.name} by {setup.rules.spec.name}, u up to {target}: {_best(rows)}",
@@ -228,5 +230,5 @@ def _floor(search: Search) -> str:
     terms = search.laboratory.forecast.contributions(search.grid.at(at[1:]), at[0])
     largest = list(terms.items())[:TERMS]
     texts = (f"{name} {search.printed.in_unit(value):.2g}" for name, value in largest)
-    floor = f"{search.row(at).simulated_u:.3g} {unit}".rstrip()
+    floor = with_unit(search.row(at).simulated_u, unit, ".3g")
     return f"No plan reaches the target: the floor is {floor}, with {', '.join(texts)}."
