@@ -211,10 +211,10 @@ def track(
     frames
         First and last frame to use, counted from 0, for example ``17:52``.
     region
-        Part of the picture to use, ``X,Y,WIDTH,HEIGHT`` [pixels from the upper left corner].
+        Part of the picture to use: left, top, width and height [pixels].
     ball_at
-        Position of the ball in one frame, ``X,Y@FRAME`` [pixels from the upper left corner]. It is
-        needed if other objects move too.
+        Position of the ball in one frame [pixels from the upper left corner]. It is needed if
+        other objects move too.
     scale
         Two points of the picture [pixels] and the distance between them, for example
         ``100,50:400,50=50cm``.
@@ -235,8 +235,10 @@ def track(
         The camera is level and square to the flight within 1 deg, as on a leveled tripod. By
         default, 5 deg is assumed.
     calibration
-        Calibration file, .toml. ``calibrate`` writes it, or it is written by hand with keys such as
-        metres_per_pixel, frames_per_second, exposure_s, lens_blur_px or timestamps.
+        Calibration file, .toml, made by `calibrate` or by hand.
+
+        Its keys are metres_per_pixel, frames_per_second, exposure_s, lens_blur_px, timestamps and
+        others.
     corrected
         File ``track.csv`` of an earlier run, corrected by hand. Its positions and flights are used.
     film_of_track

@@ -376,9 +376,9 @@ def certify(
     film
         Save a video of the first shot. The rig must have a camera, such as ``filmed-cannon``.
     laboratory
-        File of particulars for the certificate: laboratory, customer, bat, instruments. The command
-        ``virtual-lab template laboratory FILE`` writes an empty file. Or the folder of a
-        laboratory: its sheets of instruments, rigs and balls replace those of the catalog.
+        File of particulars for the certificate: laboratory, customer, bat, instruments. `template`
+        writes an empty one. Or the folder of a laboratory: its sheets of instruments, rigs and
+        balls replace those of the catalog.
 
         A mapping with the same keys is also allowed: ``{"customer": {"name": "Oak Bats"}}``. The
         logo is then a file in the current folder.
@@ -626,7 +626,7 @@ def sweep(
     workers
         Number of processes. Each has one thread and computes a part of the laboratories.
     certificates
-        Folder in which one result folder per test is written, ``BAT-PROCEDURE-NUMBER``.
+        Folder in which one result folder per test is written, named after bat and procedure.
 
         The result folders are the same as from ``Certificate.save``, and `load`, `verify` and
         `report` can read them. By default none is written.

@@ -33,8 +33,8 @@ def resume(
         Compute only share N of M of the campaign, for example ``3/40`` in a job array. By default
         all of it.
     dask
-        Address of a Dask scheduler, ``tcp://HOST:8786`` (needs the extra ``dask``). Its workers
-        replace the processes on this machine. They must have access to the same folder.
+        Address of a Dask scheduler, for example ``tcp://lab:8786`` (needs the extra ``dask``). Its
+        workers replace the processes on this machine. They must have access to the same folder.
     progress
         Function that is called with a message, the number of tests done, and the total.
     """

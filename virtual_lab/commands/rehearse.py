@@ -69,8 +69,10 @@ def day(
     operator
         Simulated operator who carries out the day instead of you.
     script
-        A .json file of actions to carry out: {"actions": [{"do": "tare"}, …]}. The error about an
-        unknown name or argument lists the allowed ones.
+        A .json file of actions to carry out. The error about an unknown name or argument lists the
+        allowed ones.
+
+        Example: ``{"actions": [{"do": "tare"}]}``.
     seed
         Seed of the laboratory. By default a random seed.
     operator_seed
@@ -79,8 +81,8 @@ def day(
         Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
         and balls replace those of the catalog. A day that is continued keeps its own.
     day
-        Folder of the day. If it contains a day, this day is continued. By default the new folder
-        out/SCENARIO, or out/SCENARIO-2 and so on if it exists.
+        Folder of the day. If it contains a day, this day is continued. By default a new folder in
+        out/, named after the scenario.
     port
         Port number of the page.
     host
@@ -95,7 +97,7 @@ def day(
         File of an exam for a class, with title, scenario and trainees.
     replay
         Log of a handed-in day, day.sqlite. The day is repeated, and a table of its entries is
-        printed. With --open, a page shows each entry instead.
+        printed. With `open`, a page shows each entry instead.
     open
         Open the page in a browser.
     out

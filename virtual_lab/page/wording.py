@@ -14,13 +14,6 @@ from virtual_lab.files import parse_toml
 from virtual_lab.parameters import ParameterRule
 
 WORDS = parse_toml((DATA / "page" / "words.toml").read_text("utf-8"), "words.toml")
-# a sentence with one of these speaks to a programmer
-CODE = re.compile(
-    r"vl\.|--|``\{|\[|\b[Aa] sheet|[Ss]heets? such|[Ss]heet`|\bNone\b|\bJSON\b|exit code"
-    r"|virtual-lab |Or a list|In Python|mapping|X,Y|[A-Z]{3}[-/]|/[A-Z]{3}|\b[a-z]{2,}_[a-z]+"
-)
-UNIT = re.compile(r"\s*\[([^\]=]{1,12})\]")
-HERE = re.compile(r":? (?:a )?names? in the catalog or (?:a )?\.toml files?")
 
 
 def title_of(key: str) -> str:
@@ -33,23 +26,20 @@ def field_name(key: str, value: str = "") -> str:
     return f"“{title_of(key)}” {value}".strip()
 
 
-def plain(words: str, title: str = "") -> str:
-    """Return a description without marks of code, and without sentences for programmers.
+def plain(words: str) -> str:
+    """Return the first paragraph of a description, without marks of code.
 
-    It is empty if it only repeats the title.
+    The further paragraphs speak to programmers.
     """
-    paragraph = UNIT.sub("", " ".join(words.split("\n\n", maxsplit=1)[0].split()))
-    sentences = re.split(r"(?<=[.:]) (?=[A-Z`])", HERE.sub("", paragraph))
-    kept = " ".join(each for each in sentences if not CODE.search(each))
-    kept = re.sub(r"``(.*?)``|`~?(.*?)`", _name, kept).strip()
-    named = kept.strip(".").lower().removeprefix("the ")
-    return "" if title.lower() in (named, f"{named}s") else kept
+    return re.sub(
+        r"``(.*?)``|`~?(.*?)`", _name, " ".join(words.split("\n\n", maxsplit=1)[0].split())
+    )
 
 
 def notes(each: ParameterDescription, choices: Collection[object]) -> str:
     """Return the words below the control of a parameter: its description and its limits."""
     allowed = "" if choices else limits(each.rule.several or each.rule)
-    return f"{plain(each.words, title_of(each.name))} {allowed and f'Allowed: {allowed}.'}".strip()
+    return f"{plain(each.words)} {allowed and f'Allowed: {allowed}.'}".strip()
 
 
 def refusal(command: Command, fault: InputError) -> tuple[str, str]:

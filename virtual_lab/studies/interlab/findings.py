@@ -116,11 +116,13 @@ def interlab(
     Parameters
     ----------
     study
-        Study file, .toml, or its keys and values as a mapping. The required keys are
+        Study file, .toml. The required keys are
         ``procedures``, ``bats``, ``laboratories`` (number per exercise), ``seed`` and ``factors``.
         The optional keys are ``exercises``, ``lots`` (number per laboratory), ``repeats`` (number
         per lot), ``alone`` (number of laboratories for each factor alone) and ``control`` (a
         control bat).
+
+        Or the keys and values as a mapping.
     predict
         Predict the effect of each factor without simulating any laboratory.
     workers
