@@ -184,8 +184,7 @@ def student(page: Any, folder: Path, tmp_path_factory: pytest.TempPathFactory) -
     page.click("button.main")
     page.wait_for_selector("[name=ball][aria-invalid]:focus")
     shows(page, 3)  # the frame is kept
-    page.select_option("[data-fills=f-ball]", index=1)
-    assert page.input_value("[name=ball]") == page.input_value("[data-fills=f-ball]") != ""
+    assert page.locator("#f-ball-list [value^=baseball]").count() == 1
     page.fill("[name=ball]", "")
     page.check("[value=scale]")
     drag(page, (40, 20), (240, 20))
@@ -258,3 +257,24 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     for name in ("speed_in_m_per_s", "speed_out_m_per_s", "acceleration_m_per_s2"):
         (flight,), (expected,) = document["flights"], by_hand.document["flights"]
         assert flight[name] == pytest.approx(expected[name], rel=1e-3)
+
+
+def test_a_track_without_a_position_gets_its_first_one(
+    page: Any, student: str, folder: Path
+) -> None:
+    """Of the size and flight beside the picture; the drawn circle shows the size."""
+    table = folder / "a-track" / "track.csv"
+    found = table.read_text()
+    table.write_text(found.partition("\n")[0])
+    page.goto(home(page) + student)
+    shows(page, 0)
+    assert page.locator(".clip [role=status]").inner_text() == "Frame 0: no position"
+    page.fill("[data-radius]", "12.5")
+    assert page.locator(".stage circle").get_attribute("r") == "12.5"
+    drag(page, (41, 61))
+    page.get_by_role("button", name="Run again").click()
+    page.wait_for_url(lambda url: url != home(page) + student)
+    table.write_text(found)
+    first = pd.read_csv(folder / "uploads" / "a.avi-corrected-2.csv")
+    written = ["frame", "x_px", "y_px", "radius_px", "flight", "drift_x_px", "drift_y_px"]
+    assert first[written].values.tolist() == [[0, 41, 61, 12.5, 1, 0, 0]]

@@ -1,5 +1,6 @@
 const one = (selector, within = document) => within.querySelector(selector);
 const all = (selector, within = document) => [...within.querySelectorAll(selector)];
+const encode = encodeURIComponent;
 // the progress of a run, and a new page at its end
 const running = one("[data-progress]");
 async function follow() {
@@ -11,27 +12,17 @@ async function follow() {
   setTimeout(follow, 1000);
 }
 if (running) setTimeout(follow, 500); else setInterval(() => fetch("/alive").catch(() => 0), 60000);
-// the first refused field has the focus
-one("[aria-invalid]:not([role]), .wrong input")?.focus();
-all("time").forEach(each => { each.textContent = new Date(1000 * each.textContent).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }); });
 // a page in full height, and its print
 all("iframe").forEach(frame => {
   const whole = () => frame.contentDocument.documentElement;
-  const fit = () => { frame.style.height = `${whole().offsetHeight + 24}px`; };
-  addEventListener("load", () => new ResizeObserver(fit).observe(whole()));
-  const print = one("[data-print]");
-  print.hidden = false;
-  print.addEventListener("click", () => frame.contentWindow.print());
-});
-// names that may be chosen in place of a free text
-all("[data-fills]").forEach(each => {
-  each.hidden = false;
-  each.addEventListener("change", () => { document.getElementById(each.dataset.fills).value = each.value; });
+  addEventListener("load", () => new ResizeObserver(() => { frame.style.height = `${whole().offsetHeight + 24}px`; }).observe(whole()));
+  one("[data-print]").hidden = false;
+  one("[data-print]").addEventListener("click", () => frame.contentWindow.print());
 });
 // uploads with progress
 const send = (file, name, bar) => new Promise((resolve, reject) => {
   const request = new XMLHttpRequest();
-  request.open("POST", `/upload?name=${encodeURIComponent(name)}`);
+  request.open("POST", `/upload?name=${encode(name)}`);
   request.responseType = "json";
   request.upload.onprogress = event => { bar.value = event.loaded / event.total; };
   request.onloadend = () => request.status === 200 ? resolve(request.response) : reject(new Error(request.response?.fault || "The file could not be stored."));
@@ -40,38 +31,40 @@ const send = (file, name, bar) => new Promise((resolve, reject) => {
 function offer(control, path, title) {
   if (control.tagName === "SELECT") control.add(new Option(title, path, true, true));
   else {
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", name: control.closest(".row").dataset.name, value: path, checked: true });
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", name: control.dataset.name, value: path, checked: true });
     control.appendChild(document.createElement("label")).append(box, ` ${title}`);
   }
   control.dispatchEvent(new Event("change"));
 }
 async function upload(input, place) {
-  let [bar, words, stored] = [one("progress", place), one("output", place)];
+  const [bar, words, folder] = [one("progress", place), one("output", place), input.webkitdirectory];
   bar.hidden = false;
   try {
+    let stored;
     for (const file of input.files) {
       words.textContent = `sending ${file.name}`;
       stored = await send(file, file.webkitRelativePath || file.name, bar);
     }
-    offer(document.getElementById(place.dataset.for), input.webkitdirectory ? stored.folder : stored.path, input.webkitdirectory ? input.files[0].webkitRelativePath.split("/")[0] : stored.title);
+    offer(document.getElementById(place.dataset.for), ...(folder ? [stored.folder, stored.folder.split(/[\\/]/).at(-1)] : [stored.path, stored.title]));
     words.textContent = "stored and chosen";
   } catch (fault) { words.textContent = fault.message; }
   bar.hidden = true;
 }
 all(".upload").forEach(place => {
   place.hidden = false;
-  all("input", place).forEach(input => input.addEventListener("change", () => input.files.length && upload(input, place)));
+  place.addEventListener("change", ({ target }) => target.files.length && upload(target, place));
 });
 // a clip: points set in its frames become fields of the form, or correct the track of a result
 const panel = one(".clip");
 if (panel) {
-  const [stage, slide, chosen, words] = [one(".stage", panel), one("[type=range]", panel), one("[name=clip]"), one("[role=status]", panel)];
-  const [picture, drawing, form, flight, track] = [one("img", stage), one("svg", stage), chosen.form, one("[data-flight]", panel), panel.dataset.track];
+  const part = name => one(name, panel);
+  const [stage, picture, drawing, slide, words] = [".stage", "img", "svg", "[type=range]", "[role=status]"].map(part);
+  const [flight, radius, track, chosen] = [part("[data-flight]"), part("[data-radius]"), panel.dataset.track, one("[name=clip]")];
   const COLUMNS = ["frame", "time_s", "x_px", "y_px", "radius_px", "flight", "drift_x_px", "drift_y_px"];
   const field = name => one(`[name="${name}"]`);
   const numbers = name => (field(name)?.value.match(/[\d.]+/g) ?? []).map(Number);
-  const kind = () => one("[type=radio]:checked", panel)?.value ?? "track";
-  let size = null, cross = [0, 0], corner = null, drag = null, busy = false, rows = [];
+  const kind = () => part("[type=radio]:checked")?.value;
+  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, rows = [];
   const here = () => rows.find(row => +row.frame === +slide.value);
   // the drift of the camera in the shown frame, from those of the positions around it
   const drift = () => {
@@ -79,62 +72,57 @@ if (panel) {
     return ["drift_x_px", "drift_y_px"].map(name => a ? +a[name] + (b[name] - a[name]) * (slide.value - a.frame) / (b.frame - a.frame || 1) : 0);
   };
   const spot = (row, [x, y] = drift()) => [+row.x_px + x, +row.y_px + y];
+  const line = (...points) => `<path d="M${points.join("L")}"/>`;
+  const box = ([x, y], [u, v]) => line([x, y], [u, y], [u, v], [x, v], [x, y]);
+  const circle = ([x, y], r) => `<circle cx="${x}" cy="${y}" r="${r}"/>`;
   const draw = () => {
-    const shape = (name, values) => {
-      const each = drawing.appendChild(document.createElementNS("http://www.w3.org/2000/svg", name));
-      Object.entries(values).forEach(pair => each.setAttribute(...pair));
-    };
-    const circle = ([cx, cy], r) => shape("circle", { cx, cy, r });
-    const rectangle = ([x, y], [u, v]) => shape("rect", { x: Math.min(x, u), y: Math.min(y, v), width: Math.abs(u - x), height: Math.abs(v - y) });
-    const [r, shift] = [size.width / 60, drift()];
-    one("output", panel).textContent = `${slide.value} of ${slide.max}${numbers("frames").length ? `, used: ${numbers("frames").join(" to ")}` : ""}`;
-    drawing.replaceChildren();
-    drawing.setAttribute("viewBox", `-.5 -.5 ${size.width} ${size.height}`);
-    shape("path", { d: `M${cross[0] - r} ${cross[1]}h${2 * r}M${cross[0]} ${cross[1] - r}v${2 * r}` });
-    if (corner) kind() === "region" ? rectangle(corner, cross) : shape("path", { d: `M${corner}L${cross}` });
-    const [[x, y, frame], part, scale] = [numbers("ball_at"), numbers("region"), numbers("scale")];
-    if (!track && frame === +slide.value) circle([x, y], r);
-    if (part.length === 4) rectangle(part, [part[0] + part[2], part[1] + part[3]]);
-    if (scale.length > 3) shape("path", { d: `M${scale.slice(0, 2)}L${scale.slice(2, 4)}` });
-    rows.forEach(row => circle(spot(row, shift), row === here() ? row.radius_px || rows[0].radius_px || r : r / 6));
-  };
-  const tell = () => {
-    const row = here();
+    const [[x, y], r, shift, used, row] = [cross, size.width / 60, drift(), numbers("frames"), here()];
+    const [ball, [left, top, wide, high], scale] = ["ball_at", "region", "scale"].map(numbers);
+    part("output").textContent = `${slide.value} of ${slide.max}${used.length ? `, used: ${used.join(" to ")}` : ""}`;
+    drawing.innerHTML = [
+      line([x - r, y], [x + r, y]) + line([x, y - r], [x, y + r]),
+      corner && (kind() === "region" ? box : line)(corner, cross),
+      !track && ball[2] === +slide.value && circle(ball, r),
+      high && box([left, top], [left + wide, top + high]),
+      scale.length > 3 && line(scale.slice(0, 2), scale.slice(2, 4)),
+      track && !row && circle(cross, +radius.value || 0),
+      ...rows.map(each => circle(spot(each, shift), each === row ? +each.radius_px || 0 : r / 6)),
+    ].filter(Boolean).join("");
+    if (!track) return;
+    if (row) [flight.value, radius.value] = [row.flight, row.radius_px];
     words.textContent = `Frame ${slide.value}: ${row ? `the ball at ${spot(row).map(each => each.toFixed(1)).join(", ")} px, ${row.flight ? `flight ${row.flight}` : "outside flights"}` : "no position"}`;
-    if (row) [cross, flight.value] = [spot(row), row.flight];
-    draw();
   };
-  const step = async () => {
-    track ? tell() : draw();
-    if (busy) return;
-    for (busy = true; slide.value !== picture.dataset.frame;) {
-      picture.dataset.frame = slide.value;
-      picture.src = `/clip?path=${encodeURIComponent(chosen.value)}&state=${size.state}&frame=${slide.value}`;
-      await Promise.all([picture.decode().catch(() => 0), new Promise(done => setTimeout(done, 60))]);
-    }
-    busy = false;
-    picture.alt = `Frame ${slide.value} of the clip`;
+  const show = async () => {
+    const frame = busy = slide.value;
+    picture.src = `/clip?path=${encode(chosen.value)}&state=${size.state}&frame=${frame}`;
+    await Promise.all([picture.decode().catch(() => 0), new Promise(done => setTimeout(done, 60))]);
+    [picture.alt, busy] = [`Frame ${frame} of the clip`, null];
+    if (frame !== slide.value) show();
+  };
+  const step = () => {
+    if (here()) cross = spot(here());
+    draw();
+    busy ?? show();
   };
   const put = (name, text) => {
     field(name).value = text;
     words.textContent = `${one(`label[for="f-${name}"]`).textContent}: ${text}`;
-    draw();
   };
   const change = values => {
     const row = here();
     rows = [...rows.filter(each => each !== row), ...values ? [{ ...row, ...values }] : []].sort((a, b) => a.frame - b.frame);
-    one("button.main", form).disabled = !rows.length;
-    tell();
+    part("button.main").disabled = !rows.length;
+    step();
   };
   const set = () => {
     const [drift_x_px, drift_y_px] = drift();
-    if (track) return change({ frame: slide.value, flight: flight.value, x_px: cross[0] - drift_x_px, y_px: cross[1] - drift_y_px, drift_x_px, drift_y_px });
-    const [x, y] = cross = cross.map(Math.round);
-    if (kind() === "ball_at") return put("ball_at", `${x},${y}@${slide.value}`);
-    const [u, v] = corner ?? [];
-    corner = corner ? null : cross;
+    if (track) return change({ frame: slide.value, flight: flight.value, radius_px: radius.value, x_px: cross[0] - drift_x_px, y_px: cross[1] - drift_y_px, drift_x_px, drift_y_px });
+    const [[x, y], [u, v] = []] = [cross = cross.map(Math.round), corner ?? []];
+    const two = kind() !== "ball_at";
+    corner = two && !corner ? cross : null;
     if (corner) words.textContent = "Set the second point.";
-    else if (kind() === "scale") put("scale", `${u},${v}:${x},${y}=${one("[data-length]", panel).value.replace(/ /g, "")}`);
+    else if (!two) put("ball_at", `${x},${y}@${slide.value}`);
+    else if (kind() === "scale") put("scale", `${u},${v}:${x},${y}=${part("[data-length]").value.replace(/ /g, "")}`);
     else put("region", [Math.min(x, u), Math.min(y, v), Math.abs(u - x), Math.abs(v - y)].join());
     draw();
   };
@@ -163,38 +151,45 @@ if (panel) {
     const act = { ...moves, Enter: set, Delete: () => here() && change(), PageUp: () => go(-1), PageDown: () => go(1) }[event.key];
     if (act) act(event.preventDefault());
   });
-  slide.addEventListener("input", step);
-  all("[data-step]", panel).forEach(button => button.addEventListener("click", () => go(+button.dataset.step)));
-  one("[data-remove]", panel)?.addEventListener("click", () => here() && change());
-  flight?.addEventListener("input", () => here() && change({ flight: flight.value }));
-  one("[data-length]", panel)?.addEventListener("input", ({ target }) => field("scale").value && put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`));
-  all("[data-end]", panel).forEach((button, index) => button.addEventListener("click", () => {
-    const ends = (field("frames").value || `0:${slide.max}`).split(":").with(index, slide.value);
-    if (+ends[0] >= +ends[1]) ends[1 - index] = index ? 0 : slide.max;
+  panel.addEventListener("click", ({ target: { dataset } }) => {
+    if (dataset.step) go(+dataset.step);
+    if ("remove" in dataset && here()) change();
+    if (!dataset.end) return;
+    const ends = (field("frames").value || `0:${slide.max}`).split(":").with(dataset.end, slide.value);
+    if (+ends[0] >= +ends[1]) ends[1 - dataset.end] = +dataset.end ? 0 : slide.max;
     put("frames", ends.join(":"));
-  }));
-  form.addEventListener("input", ({ target }) => {
-    if (target.type === "radio") corner = null;
-    if (size) draw();
+    draw();
   });
-  form.addEventListener("submit", () => { sessionStorage[chosen.value] = slide.value; }); // kept if a field is refused
-  if (track) form.addEventListener("submit", event => {
+  addEventListener("input", ({ target }) => {
+    if (!size) return;
+    if (target === slide) return step();
+    if (target.type === "radio") corner = null;
+    if (here() && [flight, radius].includes(target)) change({ flight: flight.value, radius_px: radius.value });
+    if ("length" in target.dataset && field("scale").value) put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`);
+    draw();
+  });
+  chosen.form.addEventListener("submit", async event => {
+    sessionStorage[chosen.value] = slide.value; // kept if a field is refused
+    if (!track) return;
     event.preventDefault();
     const lines = [COLUMNS, ...rows.map(row => COLUMNS.map(name => row[name] ?? ""))];
-    const stored = send(new Blob([lines.join("\n")]), `${chosen.value.split(/[\\/]/).at(-1)}-corrected.csv`, {});
-    stored.then(({ path }) => { field("corrected").value = path; form.submit(); }, fault => { words.textContent = fault.message; });
+    const name = `${chosen.value.split(/[\\/]/).at(-1)}-corrected.csv`;
+    try { field("corrected").value = (await send(new Blob([lines.join("\n")]), name, {})).path; } catch (fault) { words.textContent = fault.message; return; }
+    chosen.form.submit();
   });
   const load = async () => {
     [panel.inert, panel.hidden, words.textContent] = [true, false, "reading the clip"];
-    const answer = await fetch(`/clip?path=${encodeURIComponent(chosen.value)}`);
-    const [head, ...lines] = track ? (await (await fetch(track)).text()).trim().split(/\r?\n/).map(line => line.split(",")) : [];
+    const answer = await fetch(`/clip?path=${encode(chosen.value)}`);
+    if (panel.hidden = !answer.ok) return;
+    const [head, ...lines] = track ? (await (await fetch(track)).text()).trim().split(/\r?\n/).map(each => each.split(",")) : [];
     rows = lines.map(cells => Object.fromEntries(head.map((name, n) => [name, cells[n]]))).filter(row => row.x_px);
-    if (panel.hidden = !answer.ok || (track && !rows.length)) return;
     size = await answer.json();
     [cross, slide.max] = [[size.width / 2, size.height / 2].map(Math.round), size.count - 1];
     Object.assign(stage.style, { aspectRatio: size.width / size.height, maxWidth: `${75 * size.width / size.height}vh` });
-    slide.value = track ? rows[0].frame : sessionStorage[chosen.value] ?? 0;
-    [panel.inert, words.textContent, picture.dataset.frame] = [false, "", ""];
+    drawing.setAttribute("viewBox", `-.5 -.5 ${size.width} ${size.height}`);
+    slide.value = (track ? rows[0]?.frame : sessionStorage[chosen.value]) ?? 0;
+    if (track) radius.value = rows[0]?.radius_px ?? (size.width / 60).toFixed(1);
+    [panel.inert, words.textContent] = [false, ""];
     step();
   };
   chosen.addEventListener("change", load);
