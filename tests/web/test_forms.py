@@ -30,45 +30,40 @@ def visitor(tmp_path_factory: pytest.TempPathFactory) -> Visitor:
     return Visitor(tmp_path_factory.mktemp("lab"))
 
 
-def has_no_control(command: str, key: str) -> bool:
+def lacks(command: str, key: str) -> bool:
     return ("", key) in EXCEPTIONS or (command, key) in EXCEPTIONS
 
 
-def test_a_form_has_every_parameter_and_only_words_of_the_page(visitor: Visitor) -> None:
-    """A parameter has a control or a reason; an untouched form states only what is needed."""
+def test_each_exception_is_needed(visitor: Visitor) -> None:
+    keys = {(name, key) for name, each in COMMANDS.items() for key in each.fields}
+    assert {("", key) for _, key in keys} | keys >= EXCEPTIONS.keys()
     assert len(EXCEPTIONS) <= 8
-    needed, of_shell = set(), OF_SHELL.findall(visitor.ask("/").words)
-    for name, command in COMMANDS.items():
-        page = visitor.ask(f"/form/{name}")
-        form = Form(page.text)
-        for key in command.fields:
-            assert (key in form.names) != has_no_control(name, key), (name, key)
-            needed |= {pair for pair in (("", key), (name, key)) if pair in EXCEPTIONS}
-        assert given(command, parse_qs(urlencode(form.sent))) == {}, name
-        of_shell += [(name, match) for match in OF_SHELL.findall(page.words)]
-    assert needed == set(EXCEPTIONS)
-    assert of_shell == []
+    assert OF_SHELL.findall(visitor.ask("/").words) == []
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_an_example_survives_its_form(visitor: Visitor, name: str) -> None:
-    """Command line, filled form, what a browser sends, command line again."""
-    line = FunctionCommand(COMMANDS[name])
-    call = line.call(line.make_context(name, shlex.split(COMMANDS[name].example)))
+def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
+    visitor: Visitor, name: str
+) -> None:
+    """An untouched form states nothing. Command line, form, what it sends, command line again."""
+    command, page = COMMANDS[name], visitor.ask(f"/form/{name}")
+    form, hidden = Form(page.text), {key for key in COMMANDS[name].fields if lacks(name, key)}
+    assert form.names - {"point"} == command.fields.keys() - hidden  # which point a click sets
+    assert given(command, parse_qs(urlencode(form.sent))) == {}
+    assert OF_SHELL.findall(page.words) == []
+    line = FunctionCommand(command)
+    call = line.call(line.make_context(name, shlex.split(command.example)))
+    new = dict.fromkeys(hidden & call.values.keys(), "new")
     values = {
         key: each
         for key, each in call.values.items()
-        if not has_no_control(name, key) and each != COMMANDS[name].fields[key].default
+        if key not in hidden and each != command.fields[key].default
     }
     filled = urlencode({key: texts(each) for key, each in values.items()}, doseq=True)
-    form = Form(visitor.ask(f"/form/{name}?{filled}" if filled else f"/form/{name}").text)
-    sent = parse_qs(urlencode(form.sent))
-    entered = given(COMMANDS[name], sent)
+    sent = Form(visitor.ask(f"/form/{name}?{filled}").text).sent
+    entered = given(command, parse_qs(urlencode(sent)))
     assert entered.keys() == values.keys()
-    required = {key: "new" for key in COMMANDS[name].fields if has_no_control(name, key)}
-    missing = {key: required[key] for key in required if key in call.values}
-    again = bind(COMMANDS[name], {**missing, **entered})
-    expected = bind(COMMANDS[name], {**missing, **values})
+    again, expected = (bind(command, {**new, **each}) for each in (entered, values))
     assert sorted(shell_words(again)) == sorted(shell_words(expected))
 
 
