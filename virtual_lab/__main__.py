@@ -26,6 +26,8 @@ def main() -> None:
 
 def main_of_page() -> None:
     """Open the page of all commands, without a terminal: results are in the user's home folder."""
+    if sys.stdout is None:  # after a double click on Windows; the server asks what it is
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     sys.argv[1:] = ["open", *(sys.argv[1:] or [str(Path.home() / "virtual-lab")])]
     main()
 

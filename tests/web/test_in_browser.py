@@ -27,8 +27,12 @@ WHOLE = "document.querySelector('iframe').contentDocument.documentElement"
 
 @contextmanager
 def page_of(folder: Path) -> Iterator[str]:
-    """Serve the page as a double click does, but without a browser; give its first address."""
-    words = "from virtual_lab.__main__ import main_of_page; main_of_page()"
+    """Serve the page as a double click does, but without a browser; give its first address.
+
+    A program without a window of text has no output on Windows.
+    """
+    words = "import sys; sys.stdout = None; "
+    words += "from virtual_lab.__main__ import main_of_page; main_of_page()"
     command = [sys.executable, "-c", words, str(folder), "--no-browser"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
         assert server.stderr
