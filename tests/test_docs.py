@@ -14,6 +14,8 @@ from typing import Any
 
 import pytest
 
+from tests.test_readme import PAGES
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "virtual_lab" / "docs"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
@@ -81,13 +83,26 @@ def test_a_page_that_loads_from_elsewhere_is_refused(
 
 
 def test_scripts_of_the_gallery_are_short() -> None:
-    """At most 25 lines, of which the first ones are title and caption."""
+    """At most 25 lines of code, after title and caption."""
     scripts = sorted((DOCS / "scripts").rglob("*.py"))
     assert len(scripts) >= 24
     for script in scripts:
-        lines = script.read_text("utf-8").splitlines()
-        assert len(lines) <= 25, script
-        assert set(lines[2]) == {"="}, script
+        _, caption, code = script.read_text("utf-8").split('"""', 2)
+        assert len([line for line in code.splitlines() if line]) <= 25, script
+        assert set(caption.splitlines()[2]) == {"="}, script
+
+
+def test_code_on_a_page_needs_no_scroll_bar() -> None:
+    """The code that a reader sees is at most 80 characters wide."""
+    blocks = [
+        block
+        for page in PAGES
+        for block in re.findall(r"^```.*\n((?:.*\n)*?)```$", page.read_text("utf-8"), re.MULTILINE)
+        if not re.match(r":tags: \[remove-(?:cell|input)\]", block)
+    ]
+    blocks += [script.read_text("utf-8") for script in (DOCS / "scripts").rglob("*.py")]
+    assert len(blocks) > 120
+    assert [line for block in blocks for line in block.splitlines() if len(line) > 80] == []
 
 
 def test_each_task_has_an_anchor_and_at_most_six_lines() -> None:

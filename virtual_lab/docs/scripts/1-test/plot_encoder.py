@@ -2,9 +2,10 @@
 An encoder record and its fit
 =============================
 
-Above: the encoder at the pivot measures the angle of the bat, which recoils after the hit (1 count
-is 0.036°). Below: the record minus a smooth cubic fit shows that the bat vibrates. The amplitude
-falls from about 20 counts to 10. The test fits recoil and vibration together.
+Above: the encoder at the pivot measures the angle of the bat, which recoils
+after the hit (1 count is 0.036°). Below: the record minus a smooth cubic fit
+shows that the bat vibrates. The amplitude falls from about 20 counts to 10.
+The test fits recoil and vibration together.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +13,8 @@ import numpy as np
 
 import virtual_lab as vl
 
-record = vl.certify("r161", seed=7).certification.session.records["impact"]["encoder"]
+session = vl.certify("r161", seed=7).certification.session
+record = session.records["impact"]["encoder"]
 time, counts = 1e3 * record.times, record.counts[0]
 turning = time > time[np.flatnonzero(counts != counts[0])[0]] + 3
 smooth = np.polynomial.Polynomial.fit(time[turning], counts[turning], 3)

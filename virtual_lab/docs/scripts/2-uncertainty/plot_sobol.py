@@ -2,8 +2,9 @@
 Sobol indices
 =============
 
-Which input explains the variance of a moment of inertia from a pendulum? The distance from the
-pivot to the center of mass does. scipy computes the indices of any model.
+Which input explains the variance of a moment of inertia from a pendulum? The
+distance from the pivot to the center of mass does. scipy computes the indices
+of any model.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +19,8 @@ def inertia(inputs):
 
 inputs = {"period": norm(1.44, 3e-4), "mass": norm(0.886, 3e-4)}
 inputs |= {"distance": uniform(0.412, 0.0012), "g": norm(9.8065, 1e-3)}
-shares = sobol_indices(func=inertia, n=1024, dists=list(inputs.values()), rng=0).first_order
+laws = list(inputs.values())
+found = sobol_indices(func=inertia, n=1024, dists=laws, rng=0)
 figure, axes = plt.subplots()
-axes.bar(list(inputs), 100 * np.ravel(shares))
+axes.bar(list(inputs), 100 * np.ravel(found.first_order))
 axes.set(ylabel="share of the variance, %")

@@ -2,9 +2,10 @@
 Which faults are caught
 =======================
 
-Sixty laboratories per fault test a bat by ASTM F1881. A flag is an invalid test or a failed check
-of the records (shares ± 13 % at most). Most faults raise a flag in each laboratory. Six raise no
-more flags than no fault at all, and three others are mostly missed.
+Sixty laboratories per fault test a bat by ASTM F1881. A flag is an invalid
+test or a failed check of the records (shares ± 13 % at most). Most faults
+raise a flag in each laboratory. Six raise no more flags than no fault at all,
+and three others are mostly missed.
 """
 
 import matplotlib.pyplot as plt
