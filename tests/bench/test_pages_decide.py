@@ -69,5 +69,5 @@ def test_sound_pages_alarm_on_3_of_300_days_at_the_most(scenario: str) -> None:
 
 @pytest.mark.parametrize("fault", sorted(NO_ENCODER))
 def test_a_rig_without_an_encoder_has_none_of_its_faults(fault: str) -> None:
-    with pytest.raises(InputError, match="is a fault of astm-pivot"):
+    with pytest.raises(InputError, match="no fault of the rig"):
         page_of("college-day", fault, 1)

@@ -12,7 +12,7 @@ Each study appends its rows to the file, one laboratory per seed, the first of w
 `rms`: rms of u over 1 000 tests by sheets recovered from five folders, and by those of the tester.
 `rms-stated`: the same, of a tester whose other numbers, which no record states, are the catalog's.
 `budget`: a type B line above 2 % of u, as rms over 1 000 tests by sheets recovered from a test in
-the laboratory of the catalog, and in the certificate of this test; low and high are the quartiles.
+the laboratory of the catalog, and in the certificate of this test; low, high: 95 % of these tests.
 `foreign`: the same, of records of another laboratory that describes its rigs in its own words.
 A laboratory is left out if the procedure rejects the mean ball of its records. `table` prints the
 lines of the page.
@@ -116,10 +116,10 @@ def keys_in_records(procedure: str, place: Path) -> set[str]:
     return {f"{sheet_of(row)} {row.key}" for row in vl.laboratory(tested).rows}
 
 
-def sample_in(folder: Path, procedure: str, tests: int = 1000) -> SampledTests:
+def sample_in(folder: Path, procedure: str, tests: int = 1000, seed: int = 77) -> SampledTests:
     """Return simulated tests with a result in the laboratory of a folder."""
     with catalog.sheets_in_place(texts_of(folder)):
-        sample = SampledTests.of(RoundRobin.of("r161", procedure), tests, 77)
+        sample = SampledTests.of(RoundRobin.of("r161", procedure), tests, seed)
     return sample.select(sample.has_result)
 
 
@@ -152,7 +152,7 @@ def budget(procedure: str, seed: int, place: Path, *, foreign: bool = False) -> 
         if part.evaluation == "B" and part.contribution > 0.02 * metric.u:
             name = part.pool or part.name
             line = np.sqrt(sample.squares[:, sample.names.index(name)])
-            low, high = np.quantile(line, (0.25, 0.75)).tolist()
+            low, high = np.quantile(line, (0.025, 0.975)).tolist()
             yield name, float(np.sqrt(np.mean(line**2))), low, high, part.contribution
 
 

@@ -15,7 +15,6 @@ from virtual_lab.simulation.stations.rig import (
     Stage,
     Station,
     find_rig,
-    installed_rigs,
 )
 from virtual_lab.streams import Draws, Quiet
 from virtual_lab.uncertainty.estimate import Estimate
@@ -43,9 +42,8 @@ class FaultSet:
                 raise InputError(
                     "", "fault", name, f"{near}allowed: {', '.join(sorted(CATALOGUE))}"
                 )
-            able = _able(CATALOGUE[name])
-            if rig not in able:
-                allowed = f"is a fault of {', '.join(able)}, not of the rig {rig}"
+            if name not in (possible := faults_at(rig)):
+                allowed = f"no fault of the rig {rig}; allowed: {', '.join(possible)}"
                 raise InputError("", "fault", name, allowed)
         return cls(faults=tuple(CATALOGUE[name] for name in names))
 
@@ -103,12 +101,3 @@ def faults_at(rig: str) -> list[str]:
     station = installed.commission(Quiet())
     faults = sorted(CATALOGUE.items())
     return [name for name, fault in faults if fault.possible_at(installed, station)]
-
-
-def _able(fault: Fault) -> list[str]:
-    """Return the names of the installed impact rigs that can have a fault."""
-    return [
-        name
-        for name, rig in installed_rigs().items()
-        if rig.stage is Stage.IMPACT and fault.possible_at(rig, rig.commission(Quiet()))
-    ]
