@@ -356,10 +356,11 @@ def a_locating_method(copy: Copy) -> None:
 
 
 A_LOCATING_METHOD = """
-from virtual_lab.fidelity.camera_chart import SCENES, camera_chart
+from virtual_lab.fidelity.camera_chart import camera_chart
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS
+from virtual_lab.fidelity.camera_scenes import Case
 chosen = {name: ESTIMATORS[name] for name in ("start", "edge fit")}
-scenes = dict([*SCENES.items()][:1])
+scenes = {("plain ball", "flat background"): Case(phases=2, repeats=2)}
 chart = camera_chart(scenes=scenes, estimators=chosen)
 assert {row["estimator"] for row in chart.rows} == {"start", "edge fit"}
 chart.plot("chart.png")

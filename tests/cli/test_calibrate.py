@@ -26,7 +26,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return at
 
 
-def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> None:
+def test_calibrate_finds_the_true_camera_of_rendered_pictures(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "board/pictures/Thumbs.db").write_bytes(b"litter")
+    saved, save = list[vl.Calibration](), vl.Calibration.save
+    monkeypatch.setattr(
+        vl.Calibration,
+        "save",
+        lambda self, *path, **how: saved.append(self) or save(self, *path, **how),
+    )
     out = folder / "cal.toml"
     words = ["calibrate", str(folder / "board/pictures"), *BOARD, "--out", str(out), "--json"]
     done = CliRunner().invoke(cli, [*words, "--height", "36.5mm", "--height-u", "1mm"])
@@ -46,8 +55,7 @@ def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> N
     drawing = cv2.imread(str(folder / "cal.png"))
     assert drawing.shape[1] > 1000
     assert drawing.std() > 10
-    (folder / "board/pictures/Thumbs.db").write_bytes(b"litter")
-    found = vl.calibrate(folder / "board/pictures", board=BOARD[1])
+    (found,) = saved
     assert found.camera.warnings[-1] == "ignored: Thumbs.db"
     figure = found.plot()
     assert figure._repr_png_().startswith(b"\x89PNG")

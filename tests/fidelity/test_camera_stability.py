@@ -28,7 +28,7 @@ ENDS = {
 def rows() -> list[Row]:
     axes = {name: (maps.AXES[name][0], ENDS[name]) for name in ENDS}
     pictures = maps.picture_cells(axes=axes, balls={"plain": maps.BALLS["plain"]})
-    return pictures + dropped_frames(counts=(0, 3), flights=4)
+    return pictures + dropped_frames(counts=(0, 3), flights=2)
 
 
 def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
@@ -57,7 +57,7 @@ def test_dropped_frames_are_detected(rows: list[Row]) -> None:
         assert row["unsaid"] == 0
         if ball == "error of positions 0.02 px":
             assert row["state"] == PictureState.GOOD
-            assert row["flagged"] == (4 if count else 0)
+            assert row["flagged"] == (2 if count else 0)
         assert (row["rms_unflagged"] is None) is (row["flagged"] == row["pictures"])
 
 
