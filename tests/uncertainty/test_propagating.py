@@ -328,6 +328,7 @@ WRONG = {
     "law": (plain, GOOD | {"b": vl.Input(2, 1, distribution="norml")}, {}, "did you mean normal"),
     "negative": (plain, GOOD | {"b": vl.Input(2, -1)}, {}, "b: u = -1.0; allowed: at least 0"),
     "dof": (plain, GOOD | {"b": vl.Input(2, 1, dof=0)}, {}, "b: dof = 0; allowed: above 0"),
+    "dof of limits": (plain, GOOD | {"b": vl.Input(low=1, high=3, dof=0.4)}, {}, "at least 0.5 if"),
     "text for dof": (plain, GOOD | {"b": vl.Input(2, 1, dof="9")}, {}, "b: dof = '9'; .*above 0"),
     "texts": (plain, {("a", "b"): "many"}, {}, "allowed: vl.Input, a number, or readings"),
     "inexact": (plain, GOOD | {"b": vl.Input(low=1, high=2, inexact=0.6)}, {}, "half the distance"),
