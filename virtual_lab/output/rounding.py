@@ -49,11 +49,6 @@ def expanded(value: float, u: float) -> str:
     return f"{value:.{decimals(2 * u)}f} ± {digits(2 * u)}"
 
 
-def speed_text(speed: float, places: int = 1) -> str:
-    """Return a speed [m/s] in both units as text, such as ``46.7 m/s (104.4 mph)``."""
-    return f"{speed:.{places}f} m/s ({speed / MPH:.{places}f} mph)"
-
-
 def both_units(unit: str) -> str:
     """Return the unit of a column as printed. A speed in mph is printed in m/s too."""
     return "mph (m/s)" if unit == "mph" else unit

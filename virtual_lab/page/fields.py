@@ -143,14 +143,8 @@ def offered(
     for place, names, files in os.walk(folder):
         path = Path(place)
         kind = folder_kind(path) if path != folder else ""
-        found += [path] if kind in kinds else []
-        found += (
-            []
-            if kind
-            else [
-                path / name for name in files if name.lower().endswith(endings) and name != SETTINGS
-            ]
-        )
+        fitting = [name for name in files if name.lower().endswith(endings) and name != SETTINGS]
+        found += [path / name for name in fitting if not kind] + [path] * (kind in kinds)
         deep = len(path.relative_to(folder).parts) >= DEEPEST or kind == "laboratory"
         names[:] = [] if deep else [name for name in names if name not in (RUNS, "truth")]
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):

@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from threading import Lock, Thread
@@ -56,11 +55,6 @@ class StartedRun:
     def call(self) -> dict[str, Any]:
         """Name of the command, given values as texts, and time of the start."""
         return _read(self.path / CALL)
-
-    @property
-    def began(self) -> str:
-        """The local time of the start."""
-        return f"{datetime.fromtimestamp(self.call['began']):%b %d, %Y, %H:%M}"
 
     @property
     def stated(self) -> str:

@@ -7,6 +7,7 @@ import re
 import time
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, quote
@@ -57,6 +58,7 @@ class Page:
             folder=self.folder,
             commands=self.commands,
             quote=quote,
+            local_time=datetime.fromtimestamp,
             words=wording,
             REQUIRED=REQUIRED,
             **values,

@@ -57,10 +57,8 @@ def _unpack(path: Path) -> Path:
     try:
         with zipfile.ZipFile(path) as archive:
             members = [each for each in archive.infolist() if not each.is_dir()]
-            if (
-                len(members) > MOST_FILES
-                or sum(each.file_size for each in members) > LARGEST_UPLOAD
-            ):
+            size = sum(each.file_size for each in members)
+            if len(members) > MOST_FILES or size > LARGEST_UPLOAD:
                 allowed = "A zip file may hold at most 10 000 files and 1 GB."
                 raise InputError("", "name", path.name, allowed)
             for each in members:

@@ -81,8 +81,9 @@ def test_the_text_begins_with_the_hardest_hitter(compared: BatComparison) -> Non
         speeds = {row.bat: row.peaks for row in compared.peaks if row.swing_exponent == law}
         r161, ea70 = (speeds[bat]["peak_batted_speed_mph"] for bat in ("r161", "ea70"))
         assert ea70 > r161
-        assert f"({ea70:.1f} mph)" in sentence
-        assert sentence.endswith(f"({ea70 - r161:.1f} mph) more than r161")
+        both = [f"{each:.1f} mph ({0.44704 * each:.1f} m/s)" for each in (ea70, ea70 - r161)]
+        assert both[0] in sentence
+        assert sentence.endswith(f"{both[1]} more than r161")
         assert "ea70 hits hardest" in sentence
     assert equal.startswith("swung equally fast")
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from virtual_lab.catalog.specs import PublishedBat
-from virtual_lab.output.rounding import in_both_units, speed_text, with_unit
+from virtual_lab.output.rounding import in_both_units, with_unit
 from virtual_lab.output.tables import Column, column, columns_of, inline, number, table_text
 from virtual_lab.relations.peaks import Peak
-from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
+from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 PEAKS = {  # curve: symbol, unit and format
     "restitution": ("e", "", ".4f"),
@@ -198,16 +198,17 @@ def _hardest_hitters(peaks: Sequence[Peaks]) -> str:
     answers = []
     for law in dict.fromkeys(row.swing_exponent for row in peaks):
         speeds = {
-            row.bat: row.peaks["peak_batted_speed_mph"] * MPH
+            row.bat: row.peaks["peak_batted_speed_mph"]
             for row in peaks
             if row.swing_exponent == law
         }
         first, second = sorted(speeds, key=lambda bat: -speeds[bat])[:2]
+        lead = speeds[first] - speeds[second]
         faster = f"if a lighter bat is swung faster ({swing_text(law)})"
         swung = faster if law else "swung equally fast"
         answers.append(
-            f"{swung}, {first} hits hardest: up to {speed_text(speeds[first])}, "
-            f"{speed_text(speeds[first] - speeds[second])} more than {second}"
+            f"{swung}, {first} hits hardest: up to {with_unit(speeds[first], 'mph', '.1f')}, "
+            f"{with_unit(lead, 'mph', '.1f')} more than {second}"
         )
     return "; ".join(answers)
 
