@@ -173,6 +173,13 @@ def table(path: Path) -> list[str]:
             near = np.sum(np.abs(ratios - 1) <= 0.1)
             error = ratios.std(ddof=1) / np.sqrt(ratios.size)
             found = f"{ratios.mean():.2f} ± {error:.2f}, {near} within 10 %"
+            if ours[0]["low"]:
+                inside = [
+                    float(each["low"]) <= float(each["tester"]) <= float(each["high"])
+                    for each, ratio in zip(ours, ratios, strict=True)
+                    if abs(ratio - 1) > 0.1
+                ]
+                found += f", {sum(inside)} of {len(inside)} others as on one of the days"
         laboratories = len({row["seed"] for row in ours})
         lines.append(f"| {study} | `{procedure}` | {laboratories} | {len(ours)} | {found} |")
     return lines
