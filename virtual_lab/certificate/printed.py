@@ -460,25 +460,12 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
         blank = column.otherwise is None and all(value is None for value in values)
         if blank or (name == "impact_position_in" and not document.places):
             continue
-        of_metric = column.symbol == "metric"
-        heads.append(
-            {
-                "symbol": metric.symbol if of_metric else column.symbol,
-                "words": column.words,
-                "unit": both_units(metric.unit if of_metric else column.unit),
-            }
-        )
-        columns.append(
-            [
-                _number(
-                    metric.in_unit(value) if of_metric else value,
-                    column.places,
-                    column.otherwise or NONE,
-                    metric.unit if of_metric else column.unit,
-                )
-                for value in values
-            ]
-        )
+        symbol, unit = column.symbol, column.unit
+        if symbol == "metric":
+            symbol, unit, values = metric.symbol, metric.unit, [*map(metric.in_unit, values)]
+        heads.append({"symbol": symbol, "words": column.words, "unit": both_units(unit)})
+        form = column.places, column.otherwise or NONE, unit
+        columns.append([_number(value, *form) for value in values])
     cells = zip(*columns, strict=True)
     rows = [
         {"cells": [str(row.shot + 1), *each], "reason": row.reason}  # shots are printed from 1
@@ -503,9 +490,9 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
             document.along.quantities, sizes, fewest, strict=True
         ):
             u = each.u[number]
-            places = few if u is None else decimals(u / size)
-            values = (each.mean[number] / size, None if u is None else u / size)
-            row += [_number(value, places, unit=unit) for value in values]
+            u = u if u is None else u / size
+            places = few if u is None else decimals(u)
+            row += [_number(value, places, unit=unit) for value in (each.mean[number] / size, u)]
         rows.append(row)
     heads = [{"symbol": symbol, "words": "", "unit": both_units(unit)} for symbol, unit, _ in sizes]
     return {"heads": heads, "rows": rows}
