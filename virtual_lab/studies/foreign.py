@@ -177,7 +177,8 @@ def with_installed_rigs(session: Session, impact: str) -> Session:
     """Return the session of another laboratory with the rigs that stand for its own.
 
     A laboratory describes its rigs in words of its own. The usual rig of the stage stands for a rig
-    that is not installed here. `impact` is the name of the procedure's rig for the bat.
+    that is not installed here, or not named. `impact` is the name of the procedure's rig for the
+    bat.
     """
     from virtual_lab.lab.setup import rigs_of
     from virtual_lab.simulation.stations.rig import installed_rigs
@@ -185,11 +186,8 @@ def with_installed_rigs(session: Session, impact: str) -> Session:
     if isinstance(session.origin, Simulated):
         return session
     usual = {stage.value: name for stage, name in rigs_of(impact).items()}
-    rigs = {
-        stage: name if name in installed_rigs() else usual.get(stage, name)
-        for stage, name in session.rigs.items()
-    }
-    return replace(session, rigs=rigs)
+    ours = {stage: name for stage, name in session.rigs.items() if name in installed_rigs()}
+    return replace(session, rigs={**session.rigs, **usual, **ours})
 
 
 def replaced_rigs(theirs: Session, ours: Session) -> list[str]:

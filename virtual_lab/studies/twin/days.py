@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,11 +114,3 @@ class TwinDays:
                     control_ratio=control.value,
                 )
             return run_test(laboratory)
-
-    def blocks(self, days: int, first: int = 0) -> Iterator[BlockTest]:
-        """Yield the tests of `days` days whose instruments record only summary values, in blocks.
-
-        The numbers of the days begin with `first`.
-        """
-        for begin in range(first, first + days, SIDE_BY_SIDE):
-            yield self.play(np.arange(begin, min(begin + SIDE_BY_SIDE, first + days)))

@@ -71,8 +71,6 @@ class Statement:
         if it lacks a channel of the records.
         """
         session = self.session
-        if lacking := [stage.value for stage in Stage if stage.value not in session.rigs]:
-            raise InputError("session.json", "rigs", None, f"missing: {', '.join(lacking)}")
         for stage in Stage:
             name = session.rigs[stage.value]
             rig = find_rig(name, stage)
