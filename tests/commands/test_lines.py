@@ -86,7 +86,7 @@ def test_the_line_of_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert cli.main(words, standalone_mode=False) == 0
     names = [sorted(each.name for each in Path(name).iterdir()) for name in "ab"]
     assert names[0] == names[1]
-    assert Path("a.svg").exists()
+    assert Path("a.svg").is_file()
     tables = [Path(f"{name}.csv").read_text().splitlines() for name in "ab"]
     assert (tables[0][0], len(tables[0])) == (tables[1][0], len(tables[1]))
 
