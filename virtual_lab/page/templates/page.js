@@ -4,7 +4,7 @@ const encode = encodeURIComponent;
 // the progress of a run, and a new page at its end
 const running = one("[data-progress]");
 async function follow() {
-  const answer = await fetch(running.dataset.progress);
+  const answer = await fetch(running.dataset.progress).catch(() => ({})); // the server may be busy, or end
   const state = answer.ok ? await answer.json() : { live: true };
   if (!state.live) return location.reload();
   if (state.line && one("#line").textContent !== state.line) one("#line").textContent = state.line;
