@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
-from virtual_lab.video.find.drift import matrix_of, upper_median
-from virtual_lab.video.find.still import Image, Still, area_mean, difference_of
+from virtual_lab.video.find.drift import Image, matrix_of, upper_median
+from virtual_lab.video.find.still import Still, area_mean, difference_of
 
 Blobs = NDArray[np.void]
 BlobRow = tuple[Any, ...]  # fields of `BLOB`

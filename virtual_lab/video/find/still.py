@@ -22,13 +22,12 @@ from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.drift import (
     BLACK,
     Edges,
+    Image,
     edges_of,
     leap_of,
     matrix_of,
     upper_median,
 )
-
-Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,14 +25,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
-from virtual_lab.video.follow.pieces import FAR_U, Piece
+from virtual_lab.video.follow.pieces import FAR_U, Ints, Piece
 from virtual_lab.video.follow.scene import FlightScene
 
-Ints = NDArray[np.intp]
 Floor = Sequence[tuple[int, float]]  # contacts: number of the flight before, and time [frames]
 
 
