@@ -73,6 +73,17 @@ def test_a_side_that_the_wall_hides_moves_no_place(radius: float) -> None:
         assert (refined.scene.blobs[f"picture_{name}"] == way.xy[:, axis]).all()  # no drift
 
 
+def test_registered_places_have_a_u_of_their_own_if_g_is_stated() -> None:
+    """A larger u would reduce the weight of a flight from which g is fitted."""
+    pictures, watched, result, true = flight(12.0)
+    fitted = register_in(pictures, watched, result)[1].ways[0]
+    assert fitted.pattern_u == result.ways[0].pattern_u
+    scene = replace(result.scene, pull=np.array([0.0, 0.1]))
+    stated = register_in(pictures, watched, replace(result, scene=scene))[1].ways[0]
+    assert stated.pattern_u > 2 * scatter(stated.xy, true)
+    assert stated.pattern_u < scatter(result.ways[0].xy, true)
+
+
 def test_a_bright_spot_beside_the_ball_moves_no_place() -> None:
     """A spot of 5 x 5 pixels in one picture counts by its difference, not by the square of it."""
     pictures, watched, result, true = flight(12.0)
