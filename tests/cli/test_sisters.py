@@ -40,7 +40,7 @@ WRITTEN = {  # folder: command that writes it
 OTHERS = {
     "campaign": "campaign run study.toml --out campaign",
     "daily": "daily --days 9 --baseline 6 --out daily",
-    "fitted.toml": "fit-bat measured.toml --out fitted.toml",
+    "fitted.toml": "fit-bat measured.toml --members 2 --out fitted.toml",
     "profile": "profile r161 --out profile",
     "report": "report certify book --out report",
 }
