@@ -373,6 +373,14 @@ def test_wrong_types_in_python_name_the_allowed_ones(
     assert "\n" not in str(refused.value)
 
 
+def test_a_clip_without_a_ball_is_a_sentence() -> None:
+    track = vl.track(FRAMES, ball="28mm", fps=240)
+    sentence, note = track.text.splitlines()[:2]
+    assert sentence == "no ball in flight was found in the 3 frames of array"
+    assert "point at the ball with ball_at=" in note
+    assert (track.motion, len(track.flights)) == ("none", 0)
+
+
 def test_an_array_of_frames_is_followed_as_its_file_is(folder: Path) -> None:
     frames = np.stack(list(FILM.frames()))
     np.save(folder / "same.npy", frames)

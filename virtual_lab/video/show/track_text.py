@@ -110,7 +110,7 @@ def track_document(track: FollowedClip) -> Row:
     rate, rate_u = knowledge.rate, knowledge.rate * knowledge.rate_u
     document = {
         "clip": track.clip.source.path.name,
-        "motion": motion_of(track),
+        "motion": "flights" if track.flights else "none",
         "flights": flight_rows(track),
         "contacts": contact_rows(track),
         "gravity_mps2": track.gravity,
@@ -171,11 +171,6 @@ def _degrees(angle: Estimate) -> Estimate:
     return replace(angle, value=angle.value / DEGREE, u=angle.u / DEGREE)
 
 
-def motion_of(track: FollowedClip) -> str:
-    """Return ``flights`` if a clip shows a flight, otherwise ``none``."""
-    return "flights" if track.flights else "none"
-
-
 def _with_ball(track: FollowedClip) -> int:
     """Return the number of frames that show the ball."""
     ways = track.ways or track.pieces
@@ -185,11 +180,13 @@ def _with_ball(track: FollowedClip) -> int:
 def track_text(track: FollowedClip) -> str:
     """Return flights and contacts of a followed clip as lines of text, with flags and warnings.
 
-    A sentence that raises no flag is a note.
+    The first line states the largest speed, or that there is no flight. A sentence that raises no
+    flag is a note.
     """
-    file, number = track.clip.source.path.name, track.clip.count
-    lines = [f"{file}: {number} frames, {motion_of(track)}, the ball in {_with_ball(track)}"]
-    lines = [_fastest(track), *lines] if track.flights else lines
+    file, frames = track.clip.source.path.name, f"{track.clip.count} frames"
+    lines = [f"no ball in flight was found in the {frames} of {file}"]
+    if track.flights:
+        lines = [_fastest(track), f"{file}: {frames}, the ball in {_with_ball(track)}"]
     contacts = {each.before: each for each in track.contacts}
     for k, flight in enumerate(track.flights):
         speeds, pull = [flight.speed_in, flight.speed_out], flight.acceleration
@@ -207,8 +204,7 @@ def track_text(track: FollowedClip) -> str:
             turn = track.flights[k + 1].angle_in.value - flight.angle_out.value
             words = f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
             lines.append(f"{words}restitution {ratio}, turned by {turn / DEGREE % 360:.1f} deg")
-    if track.scale and track.flights:
-        lines.append(f"  {_scale_said(track, track.scale)}")
+    lines += [f"  {_scale_said(track, track.scale)}"] if track.scale and track.flights else []
     lines += [f"  flags: {', '.join(track.flags)}"] if track.flags else []
     flagged = {worded(words) for flag, words in track.notes if flag}
     lines += [f"  {'warning' if each in flagged else 'note'}: {each}" for each in track.warnings]
@@ -250,12 +246,13 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
 def track_title(track: FollowedClip) -> str:
     """Return a title of one or more lines for a tracked clip.
 
-    The first line has the file name of the clip, the word ``flights`` or ``none``, and the
+    The first line has the file name of the clip, the words ``flights`` or ``no flight``, and the
     restitutions of the contacts. A second line lists the flags, if there are any. For a clip
     without a flight, each warning follows in its own line.
     """
     ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
-    parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
+    parts = ["flights" if track.flights else "no flight"]
+    parts += [f"restitution {', '.join(ratios)}"] if ratios else []
     lines = [f"{track.clip.source.path.name}: {'; '.join(parts)}"]
     lines += [f"flags: {', '.join(track.flags)}"] if track.flags else []
     return "\n".join([*lines, *(() if track.flights else track.warnings)])
