@@ -111,7 +111,8 @@ def table_text(
     """Return rows as a text table with a header. The columns are as wide as their longest cell.
 
     A table wider than `WIDEST` has heads of several lines. If it is still too wide, its columns are
-    printed in blocks beneath each other, and each block begins with the first column.
+    printed in blocks beneath each other. Each block begins with the first columns that together
+    distinguish the rows, or with the first column if none do.
 
     Without rows the text is the word ``nothing``. The value None gives an empty cell. A column is
     left out if all its cells are empty.
@@ -140,20 +141,34 @@ def table_text(
     ]
     texts = [cells for cells in texts if any(cells[1:])]
     if across:
-        lines = [["", *(str(values[across]) for values in records)], *texts]
-        texts = [list(cells) for cells in zip(*lines, strict=True)]
+        heads = ["", *(str(values[across]) for values in records)]
+        texts = [list(cells) for cells in zip(heads, *texts, strict=True)]
     if _width(texts) > WIDEST:
+        lines = len(texts[0]) - 1
         for cells in texts:
             room = max(10, *map(len, cells[1:]))
             cells[:1] = wrap(cells[0], room, break_long_words=False)
         tallest = max(map(len, texts))
         texts = [[""] * (tallest - len(cells)) + cells for cells in texts]
+        labels = _labels(texts, lines)
     blocks = [texts[:1]]
     for cells in texts[1:]:
         if len(blocks[-1]) > 1 and _width([*blocks[-1], cells]) > WIDEST:
-            blocks.append(texts[:1])
+            blocks.append(labels[:])
         blocks[-1].append(cells)
     return "\n\n".join(map(_block_text, blocks))
+
+
+def _labels(texts: list[list[str]], lines: int) -> list[list[str]]:
+    """Return the first columns that distinguish the last `lines` lines, or the first column."""
+    labels: list[list[str]] = []
+    for cells in texts[:4]:
+        if len(set(cells[-lines:])) > 1:
+            labels.append(cells)
+        rows = set(zip(*(label[-lines:] for label in labels), strict=True))
+        if len(rows) == lines and _width(labels) < WIDEST / 2:
+            return labels
+    return texts[:1]
 
 
 def _width(texts: Sequence[Sequence[str]]) -> int:
