@@ -1,10 +1,8 @@
 """The page: who is let in, what a form does, what no answer may hold."""
 
-import asyncio
 import csv
 import re
 import threading
-from dataclasses import dataclass
 from html.parser import HTMLParser
 from io import StringIO
 from pathlib import Path
@@ -13,6 +11,7 @@ from urllib.parse import urlencode
 
 import pytest
 
+from tests.asking import Answer, ask
 from tests.bench.days import PLAIN, asked
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import ARGUMENTS
@@ -28,13 +27,6 @@ HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 PICTURES = re.compile(r'(<section [^>]*id="(display|shot)".*?</section>)', re.DOTALL)
 ORIGIN = {"origin": f"http://{HOST}"}
-
-
-@dataclass(frozen=True)
-class Answer:
-    status: int
-    headers: dict[str, str]
-    text: str
 
 
 class Browser:
@@ -57,38 +49,16 @@ class Browser:
         message: dict[str, Any] | None = None,
         method: str = "",
     ) -> Answer:
-        path, _, query = path.partition("?")
         body = urlencode(form).encode() if form is not None else body or b""
         method = method or ("GET" if form is None and not body else "POST")
-        sent = {"host": host, "content-length": str(len(body))}
+        sent = {"host": host, "content-length": str(len(body)), "cookie": self.cookie}
         sent |= ORIGIN if headers is None else headers
-        if self.cookie:
-            sent["cookie"] = self.cookie
-        scope = {
-            "type": "http",
-            "method": method,
-            "path": path,
-            "raw_path": path.encode(),
-            "query_string": query.encode(),
-            "headers": [(key.encode(), value.encode()) for key, value in sent.items()],
-        }
-        got: list[Any] = []
-
-        async def receive() -> dict[str, Any]:
-            return message or {"type": "http.request", "body": body}
-
-        async def send(message: Any) -> None:
-            got.append(message)
-
-        asyncio.run(self.application(scope, receive, send))
-        answer = {key.decode(): value.decode() for key, value in got[0]["headers"]}
-        if "set-cookie" in answer:
-            self.cookie = answer["set-cookie"].partition(";")[0]
-        text = b"".join(message.get("body", b"") for message in got[1:]).decode(errors="replace")
-        if patient and got[0]["status"] == 202:  # being made
+        answer = ask(self.application, path, body, method, sent, **message or {})
+        self.cookie = answer.cookie or self.cookie
+        if patient and answer.status == 202:  # being made
             self.rest()
             return self.ask(path, host=host, headers=headers)
-        return Answer(status=got[0]["status"], headers=answer, text=text)
+        return answer
 
     def open(self) -> Answer:
         return self.ask(f"/?token={TOKEN.replace(' ', '%20')}")

@@ -17,21 +17,14 @@ from urllib.parse import quote
 import pytest
 
 import virtual_lab as vl
-from tests.web.visiting import Answer as Page
-from tests.web.visiting import Visitor
+from tests.asking import Answer as Page
+from tests.web.visiting import Visitor, words_of
+from virtual_lab.cli import cli
 from virtual_lab.commands.output import Answer
 from virtual_lab.page import opening
 from virtual_lab.page.working import answer_of
 
-SLOW = [("bats", "r161"), ("laboratories", "1000000")]  # a sweep that no test waits for
-
-
-@pytest.fixture
-def visitor(tmp_path: Path) -> Any:
-    visitor = Visitor(tmp_path / "lab")
-    (tmp_path / "lab").mkdir()
-    yield visitor
-    visitor.page.runs.end()
+SLOW = b"bats=r161&laboratories=1000000"  # a sweep that no test waits for
 
 
 def wait(condition: Callable[[], Any], limit: float = 240.0) -> None:
@@ -41,21 +34,23 @@ def wait(condition: Callable[[], Any], limit: float = 240.0) -> None:
         time.sleep(0.05)
 
 
-def finish(visitor: Visitor, name: str, fields: list[tuple[str, str]]) -> Page:
+def finish(visitor: Visitor, name: str, fields: bytes) -> Page:
     """Start a run, wait for its end, and return the page of its result."""
-    answer = visitor.submit(name, fields)
-    assert answer.status == 303, answer.words
+    answer = visitor.ask(f"/form/{name}", fields)
+    assert answer.status == 303, words_of(answer)
     wait(lambda: not visitor.page.runs.workers)
     return visitor.ask(answer.headers["location"])
+
+
+def names_in(archive: Page) -> set[str]:
+    return {Path(name).name for name in zipfile.ZipFile(BytesIO(archive.body)).namelist()}
 
 
 def test_a_result_is_the_same_as_at_the_shell(
     visitor: Visitor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     """Answer first, then text, files, the next step, and the shell line last."""
-    from virtual_lab.cli import cli
-
-    page = finish(visitor, "slope", [("bats", "r161"), ("bats", "ea70")])
+    page = finish(visitor, "slope", b"bats=r161&bats=ea70")
     order = ['class="answer"', "<figure", "As text", "Files", "What next", "in a terminal"]
     places = [page.text.index(each) for each in order]
     assert places == sorted(places)
@@ -66,21 +61,19 @@ def test_a_result_is_the_same_as_at_the_shell(
     files = {path.name: path.read_bytes() for path in (tmp_path / "shell").iterdir()}
     for name, path in visitor.page.runs.get(1).files.items():
         assert path.read_bytes() == files[path.name], name
-    zipped = zipfile.ZipFile(BytesIO(visitor.ask("/run/1/zip").body))
-    assert {Path(name).name for name in zipped.namelist()} == files.keys()
+    assert names_in(visitor.ask("/run/1/zip")) == files.keys()
     restarted = Visitor(visitor.page.folder)  # results survive a restart
-    assert "slope" in restarted.ask("/").words
+    assert "slope" in words_of(restarted.ask("/"))
     assert restarted.ask("/run/1").text == page.text
 
 
 def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None:
     """Two runs at most; a reload and the start page show them; nothing is left; quit ends all."""
+    workers, state = visitor.page.runs.workers, {}
     for number in (1, 2):
-        answer = visitor.submit("sweep", SLOW)
-        assert answer.headers["location"] == f"/run/{number}"
-    refused = visitor.submit("sweep", SLOW)
-    assert (refused.status, "2 runs are in progress" in refused.words) == (422, True)
-    state = {}
+        assert visitor.ask("/form/sweep", SLOW).headers["location"] == f"/run/{number}"
+    refused = visitor.ask("/form/sweep", SLOW)
+    assert (refused.status, "2 runs are in progress" in words_of(refused)) == (422, True)
 
     def is_counted() -> bool:
         state.update(json.loads(visitor.ask("/run/1/progress").body))
@@ -90,59 +83,39 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
     assert state["live"]
     assert 0 <= state["done"] < state["total"]
     assert 'role="status"' in visitor.ask("/run/1").text
-    assert "In progress" in visitor.ask("/").words
+    assert "In progress" in words_of(visitor.ask("/"))
+    processes = [each.process for each in workers.values()]
     assert visitor.ask("/run/1/cancel", b"").status == 303
-    wait(lambda: 1 not in visitor.page.runs.workers)
-    assert "ended before it had a result" in visitor.ask("/run/1").words
-    process = visitor.page.runs.workers[2].process
-    wait(lambda: visitor.page.runs.workers[2].process)
-    os.kill(visitor.page.runs.workers[2].process.pid, signal.SIGTERM)
-    wait(lambda: not visitor.page.runs.workers)
-    assert "ended before it had a result" in visitor.ask("/run/2").words
+    wait(lambda: 1 not in workers)
+    os.kill(processes[1].pid, signal.SIGTERM)
+    wait(lambda: not workers)
+    for number in (1, 2):
+        assert "ended before it had a result" in words_of(visitor.ask(f"/run/{number}"))
     assert [path.name for path in visitor.page.folder.iterdir()] == ["runs"]
-    assert process is None or process.poll() is not None
-    visitor.submit("sweep", SLOW)
+    assert all(each.poll() is not None for each in processes)
+    visitor.ask("/form/sweep", SLOW)
     asked = visitor.ask(visitor.ask("/quit", b"").headers["location"])
-    assert "If you quit now, nothing of its result is left" in asked.words
-    assert (visitor.quits, len(visitor.page.runs.workers)) == ([], 1)
-    assert "The page is closed" in visitor.ask("/quit?sure=yes", b"").words
-    wait(lambda: not visitor.page.runs.workers)
+    assert "If you quit now, nothing of its result is left" in words_of(asked)
+    assert (visitor.quits, len(workers)) == ([], 1)
+    assert "The page is closed" in words_of(visitor.ask("/quit?sure=yes", b""))
+    wait(lambda: not workers)
     assert visitor.quits == [True]
 
 
 def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
-    page = finish(visitor, "show", [("name", "r162")])
-    assert "“r162” cannot be used: did you mean r161?" in page.words
+    page = finish(visitor, "show", b"name=r162")
+    assert "“r162” cannot be used: did you mean r161?" in words_of(page)
     again = visitor.ask("/form/show?run=1").text
     assert "“r162” cannot be used" in re.search(r'id="f-name-fault">(.*?)<', again)[1]
-    assert "1 more" in visitor.ask("/").words
+    assert "1 more" in words_of(visitor.ask("/"))
 
 
 def test_forms_that_were_filled_in_lead_to_their_certificate(visitor: Visitor) -> None:
-    page = finish(visitor, "template", [("procedure", "astm-f1881")]).text
+    page = finish(visitor, "template", b"procedure=astm-f1881").text
     forms = visitor.page.folder / "template-astm-f1881"
     assert f">Empty, to fill in: {forms}<" in page
     assert f'href="/form/reduce?records={quote(str(forms))}"' in page
     assert "/form/score" not in page
-
-
-def test_the_sealed_truth_leaves_only_if_ticked(visitor: Visitor) -> None:
-    """A run of a folder with a truth, written by hand: its page, its files and its zip."""
-    made, home = visitor.page.folder / "r161", visitor.page.folder / "runs" / "0001"
-    for path in (made / "certificate.json", made / "truth" / "truth.json", home / "x"):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("{}")
-    call = {"command": "certify", "values": {"bat": "r161"}, "began": 0.0}
-    (home / "call.json").write_text(json.dumps(call))
-    (home / "outcome.json").write_text(json.dumps({"answer": "PASS", "written": [str(made)]}))
-    page = visitor.ask("/run/1").text
-    assert "certificate.json" in page
-    assert "truth.json" not in page
-    assert f'href="/form/score?folder={quote(str(made))}"' in page
-    both = {"certificate.json", "truth.json"}
-    for query, names in (("", {"certificate.json"}), ("?truth=yes", both)):
-        archive = zipfile.ZipFile(BytesIO(visitor.ask(f"/run/1/zip{query}").body))
-        assert {Path(name).name for name in archive.namelist()} == names
 
 
 def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,7 +127,7 @@ def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
-    """Once, with answer and settings; a damaged folder is left out."""
+    """Once, with answer and settings; a damaged folder is left out, and the truth if not ticked."""
     made = vl.certify("ea70", procedure="bbcor", seed=1).save(visitor.page.folder / "made")
     (visitor.page.folder / "old").mkdir()
     (visitor.page.folder / "old" / "certificate.json").write_text('{"verdict": "PASS"}')
@@ -164,8 +137,12 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
         assert page.count('"/run/') == 1
     result = visitor.ask("/run/1").text
     assert "made/certificate.json" in result
+    assert "truth.json" not in result
     assert f'href="/form/score?folder={quote(str(made))}"' in result
     assert '<option value="ea70" selected' in visitor.ask("/form/certify?run=1").text
+    with_truth = names_in(visitor.ask("/run/1/zip?truth=yes"))
+    assert names_in(visitor.ask("/run/1/zip")) == with_truth - {"truth.json", "seal.json"}
+    assert {"truth.json", "certificate.json"} < with_truth
 
 
 def test_a_result_without_a_sentence_has_its_first_line() -> None:

@@ -2,115 +2,66 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
-from dataclasses import dataclass
-from html.parser import HTMLParser
+from html import unescape
 from pathlib import Path
-from typing import Any
-from urllib.parse import urlencode
 
 import cv2
 import numpy as np
 
+from tests.asking import Answer, ask
 from virtual_lab.page.server import Page, page_application
 
 HOST, TOKEN = "127.0.0.1:8000", "the-token"
 
 
-@dataclass(frozen=True)
-class Answer:
-    status: int
-    headers: dict[str, str]
-    body: bytes
-
-    @property
-    def text(self) -> str:
-        return self.body.decode(errors="replace")
-
-    @property
-    def words(self) -> str:
-        """The text that a user reads or hears, without the shell and Python lines."""
-        text = re.sub(r"<(script|style|pre).*?</\1>", " ", self.text, flags=re.DOTALL)
-        text = re.sub(r"<code>.*?</code>", " ", text)  # the path of the folder
-        said = re.findall(r'(?:aria-label|title|placeholder|alt)="([^"]*)"', text)
-        return " ".join([re.sub(r"<[^>]*>", " ", text), *said])
+def words_of(answer: Answer) -> str:
+    """Return the text that a user reads or hears, without the shell and Python lines."""
+    # the content of `code` is the path of the folder
+    text = re.sub(r"<(script|style|pre|code).*?</\1>", " ", answer.text, flags=re.DOTALL)
+    said = re.findall(r'(?:aria-label|title|placeholder|alt)="([^"]*)"', text)
+    return " ".join([re.sub(r"<[^>]*>", " ", text), *said])
 
 
 class Visitor:
-    """A browser with the cookie of a page, unless it never opened the first address."""
+    """A browser that has opened the first address of a page."""
 
-    def __init__(self, folder: Path, *, enters: bool = True) -> None:
+    def __init__(self, folder: Path) -> None:
         self.quits: list[bool] = []
         self.page = Page(folder, lambda: self.quits.append(True))
         self.door = page_application(self.page, TOKEN, frozenset({HOST}))
         self.cookie = ""
-        if enters:
-            self.ask(f"/?token={TOKEN}")
+        assert self.ask("/").status == 403
+        assert self.ask(f"/?token={TOKEN}").headers["location"] == "/"
 
-    def ask(self, path: str, body: bytes | None = None, method: str = "", **more: str) -> Answer:
+    def ask(self, path: str, body: bytes | None = None, **more: str) -> Answer:
         """Send a request; with a body it is a POST from a page of the server."""
-        path, _, query = path.partition("?")
-        sent = {"host": HOST, "content-length": str(len(body or b"")), "cookie": self.cookie}
+        method, body = ("GET", b"") if body is None else ("POST", body)
+        sent = {"host": HOST, "content-length": str(len(body)), "cookie": self.cookie}
         sent |= {"origin": f"http://{HOST}"} | {key.replace("_", "-"): more[key] for key in more}
-        scope = {
-            "type": "http",
-            "method": method or ("GET" if body is None else "POST"),
-            "path": path,
-            "query_string": query.encode(),
-            "headers": [(key.encode(), value.encode()) for key, value in sent.items()],
-        }
-        got: list[Any] = []
-
-        async def receive() -> dict[str, Any]:
-            return {"type": "http.request", "body": body or b""}
-
-        async def send(message: Any) -> None:
-            got.append(message)
-
         for seat in self.door.seats.values():
             seat.request_times.clear()
-        asyncio.run(self.door(scope, receive, send))
-        headers = {key.decode(): value.decode() for key, value in got[0]["headers"]}
-        if "set-cookie" in headers:
-            self.cookie = headers["set-cookie"].partition(";")[0]
-        body = b"".join(message.get("body", b"") for message in got[1:])
-        return Answer(got[0]["status"], headers, body)
-
-    def submit(self, name: str, fields: list[tuple[str, str]]) -> Answer:
-        return self.ask(f"/form/{name}", urlencode(fields).encode())
+        answer = ask(self.door, path, body, method, sent)
+        self.cookie = answer.cookie or self.cookie
+        return answer
 
 
-class Form(HTMLParser):
-    """The fields of a form, as a browser sends them, and the names of all its controls."""
+def form_of(html: str) -> tuple[list[tuple[str, str]], set[str]]:
+    """Return the fields of a form, as a browser sends them, and the names of all its controls.
 
-    def __init__(self, html: str) -> None:
-        super().__init__()
-        self.sent: list[tuple[str, str]] = []
-        self.names: set[str] = set()
-        self.select, self.first = "", True
-        self.feed(html)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        has = dict(attrs)
-        name, value = has.get("name") or "", has.get("value") or ""
-        self.names |= {has["data-name"] or ""} if "data-name" in has else set()
-        if tag == "select":
-            self.select, self.first = name, True
-            self.names.add(name)
-        elif tag == "option" and self.select and ("selected" in has or self.first):
-            if not self.first:
-                self.sent.pop()
-            self.sent.append((self.select, value))
-            self.first = False
-        elif tag == "input" and name:
-            self.names.add(name)
-            if has.get("type") != "checkbox" or "checked" in has:
-                self.sent.append((name, value))
-
-    def handle_endtag(self, tag: str) -> None:
-        if tag == "select":
-            self.select = ""
+    Of a select without a choice the first option is sent.
+    """
+    sent = []
+    for tag in re.findall(r"<input ([^>]*)>", html):
+        has = dict(re.findall(r'\b(name|type|value)="(.*?)"', tag))
+        if "name" in has and ("checked" in tag or has.get("type") not in ("checkbox", "radio")):
+            sent.append((has["name"], unescape(has["value"])))
+    select = r'(?s)<select [^>]*name="(.*?)".*?>(.*?)</select>'
+    for name, options in re.findall(select, html):
+        every = re.findall(r'<option value="(.*?)"( selected)?', options)
+        sent.append((name, unescape(([each for each, on in every if on] or every[0])[0])))
+    control = r'<(?:input|select|div class="choices") (?:[^>]*? )?(?:data-)?name="(.*?)"'
+    return sent, set(re.findall(control, html))
 
 
 def clip_of(path: Path, first: int = 0) -> Path:
