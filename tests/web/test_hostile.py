@@ -110,10 +110,10 @@ def test_only_clips_of_the_folder_are_shown(visitor: Visitor) -> None:
     sizes, pictures, address = [], [], f"/clip?path={within}"
     for first in (0, 5):  # the file is replaced
         clip_of(within, first)
+        assert visitor.ask(f"{address}&frame={12 - first}").status == 404
         sizes.append(json.loads(visitor.ask(address).body))
         pictures.append(visitor.ask(f"{address}&frame=3"))
         assert pictures[-1].headers["content-type"] == "image/jpeg"
-        assert visitor.ask(f"{address}&frame={12 - first}").status == 404
     states = {each.pop("state") for each in sizes}
     assert sizes == [{"count": 12 - each, "width": 320, "height": 240} for each in (0, 5)]
     assert (len(states), pictures[0].body == pictures[1].body) == (2, False)
