@@ -20,6 +20,7 @@ from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.own_laboratory import ball
 from virtual_lab.studies.own_laboratory.ball import sample_of_tests, with_scatter
 from virtual_lab.studies.own_laboratory.scatter import without_outliers
+from virtual_lab.units import INCH
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 
@@ -262,6 +263,20 @@ def test_recovered_hits_scatter_as_those_of_the_tester(
     assert ours.remark.count(f"rms {np.sqrt(np.mean(u**2)):.5g} ") == 4
     ratio = rms_u(tmp_path / "ours", "astm-f1881") / rms_u(tester, "astm-f1881")
     assert ratio == pytest.approx(1, abs=0.12)
+
+
+def test_hits_near_the_best_position_of_a_scan_show_the_scatter_too() -> None:
+    certificate = vl.certify("r161", procedure="bbcor", seed=7)
+    half_width = certificate.certification.procedure.scan.fit_half_width / INCH
+    hits = certificate.shots.query("valid")
+    best = hits.loc[hits["used"], "impact_position_in"].mean()
+    near = hits[(hits["impact_position_in"] - best).abs() < half_width + 0.01]
+    groups = near.groupby([near["impact_position_in"].round(3), "used"])["metric_restitution"]
+    dof = groups.size() - 1
+    variance = groups.var().fillna(0) @ dof / dof.sum()
+    found = ball.scatter_of_hits(certificate.certification)["bat"]
+    assert found.dof == dof.sum() > 15
+    assert found.total == pytest.approx(np.sqrt(variance), rel=1e-6)
 
 
 def test_intervals_of_a_scatter_hold_without_its_known_part() -> None:

@@ -271,7 +271,7 @@ def certify_reduction(
         return np.where(hits >= 0, values[hits], 0.0)
 
     variants = Variants.of(reduced.constants)
-    earlier = _nearby_variances(reduced, hit_weights)
+    earlier = nearby_variances(reduced, hit_weights)
     for name, estimates in block.history.items():
         past = HitVariance.of(estimates)
         earlier[name] = HitVariance.pool([earlier[name], past]) if name in earlier else past
@@ -334,7 +334,7 @@ def certify_reduction(
     )
 
 
-def _nearby_variances(reduced: Reduction, hit_weights: HitWeights) -> dict[str, HitVariance]:
+def nearby_variances(reduced: Reduction, hit_weights: HitWeights) -> dict[str, HitVariance]:
     """Return the variance of a hit within its position, from hits near the chosen position.
 
     The few final hits of a scan at one position give a poor estimate of their scatter. The other

@@ -16,7 +16,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.files import parse_toml
 from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.fitting import require_ball
-from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.certification import Certification, nearby_variances
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.metrics import METRICS
@@ -31,7 +31,7 @@ from virtual_lab.studies.own_laboratory.rig_sheets import (
     write_numbers,
 )
 from virtual_lab.studies.plan.sample import SampledTests
-from virtual_lab.uncertainty.scatter import bartlett_p
+from virtual_lab.uncertainty.scatter import HitVariance, bartlett_p
 
 TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
 SEED = 1  # of the tests that are simulated to find the scatter of e0
@@ -114,15 +114,19 @@ def _bat(session: Session) -> str:
 def scatter_of_hits(test: Certification) -> dict[str, StandardDeviation]:
     """Return the standard deviation of a hit, of e0 at the wall and of the metric at the bat [SI].
 
-    A place where the hits are not repeated, or are all equal, is left out.
+    In a scan the hits near the best position count, too, as they do for the stated u. A place where
+    the hits are not repeated, or are all equal, is left out.
     """
-    preparation = reduce_block(test.block)[0].preparation
+    reduced, _ = reduce_block(test.block)
+    preparation = reduced.preparation
     error = preparation.constants["balls.restitution_0"].row(0)
     hits = int((preparation.balls.ball[0, 0] == 0).sum())
     scatters = {"wall": StandardDeviation(error.u * sqrt(hits), error.dof)}
     budget = test.first_order
     if budget is not None and budget.scatter is not None:
-        variance = budget.scatter.variance
+        nearby = nearby_variances(reduced, reduced.hit_weights).get("metric")
+        today = budget.scatter.variance
+        variance = today if nearby is None else HitVariance.pool([today, nearby])
         scatters["bat"] = StandardDeviation(sqrt(variance.total[0]), float(variance.dof[0]))
     return {place: each for place, each in scatters.items() if each.value and each.dof}
 
