@@ -255,6 +255,18 @@ def test_a_shadow_on_the_wall_is_no_second_ball(gray: float, second: bool) -> No
     assert ("SECOND_BALL" in result.flags) == second
 
 
+@pytest.mark.parametrize(("last", "second"), [(29, False), (40, True)])
+def test_a_finger_that_moves_less_than_a_radius_is_no_second_ball(last: int, second: bool) -> None:
+    """A disk of 5 px falls by g for 8 px beside a ball of 12 px, or for 45 px as a ball does."""
+    frames = _thrown()
+    for k in range(20, last):
+        share = matte(frames.shape[1:], 40.0, 20.0 + 0.125 * (k - 20) ** 2, 5.0)
+        frames[k] = np.rint(frames[k] * (1 - share) + 200.0 * share)
+    result = follow(_clip(frames), KNOWN)
+    assert result.flights
+    assert ("SECOND_BALL" in result.flags) == second
+
+
 def test_flights_of_a_marked_ball_that_do_not_meet_are_flagged() -> None:
     """Half of the ball is as gray as the wall, and turns twice a second as the ball flies."""
     noise, (row, column) = np.random.default_rng(3), np.mgrid[:240, :400]

@@ -372,7 +372,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     """Return the pieces that are flights of a second ball. The list is empty if there is none.
 
     A flight of a second ball has frames in common with the first ball, but other positions in these
-    frames.
+    frames. It is longer than a radius of the first ball, unlike a part of the hand that let go.
 
     Parameters
     ----------
@@ -383,13 +383,13 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     pieces
         All pieces of smooth motion.
     """
-    blobs = np.concatenate([each.blobs for each in flights])
+    blobs, radius = np.concatenate([each.blobs for each in flights]), flights[0].radius
     long = [each for each in pieces if len(each.t) > GROWTH.least_places + 2]
-    moving = [each for each in long if np.ptp(each.xy, axis=0).max() > each.radius]
+    moving = [each for each in long if np.ptp(each.xy, axis=0).max() > radius]
     rest = [each for each in moving if not np.isin(each.blobs, blobs).any()]
     frames, xy = scene.blobs["frame"][blobs], np.concatenate([each.xy for each in flights])
-    colour, radius = scene.blobs["colour"], flights[0].radius
-    own, contrast = np.median(colour[blobs], axis=0), np.median(scene.blobs["contrast"][blobs])
+    colour, contrast = scene.blobs["colour"], np.median(scene.blobs["contrast"][blobs])
+    own = np.median(colour[blobs], axis=0)
     rivals = []
     for piece in _of_one_gravity(scene, rest):
         _, here, there = np.intersect1d(piece.frames, frames, return_indices=True)
@@ -398,10 +398,8 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
             continue
         # A shadow on a wall moves as its ball does, and has another color.
         path = np.ptp(piece.xy[here], axis=0).max()
-        shadow = (np.ptp(away, axis=0) < FLIGHTS.parallel * path).all()
-        if not (
-            shadow and np.abs(np.median(colour[piece.blobs], axis=0) - own).max() > contrast / 2
-        ):
+        other = np.abs(np.median(colour[piece.blobs], axis=0) - own).max() > contrast / 2
+        if not (other and (np.ptp(away, axis=0) < FLIGHTS.parallel * path).all()):
             rivals.append(piece)
     return rivals
 
