@@ -278,6 +278,41 @@ def test_a_corrected_track_changes_the_result(thrown: tuple[Path, Path, dict[str
     )
 
 
+def test_an_unchanged_track_gives_the_same_result(
+    thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """All numbers agree to the seven digits of the file; one moved position changes few."""
+    clip, out, document = thrown
+    rows = pd.read_csv(out / "track.csv")
+
+    def again() -> dict[str, Any]:
+        rows.to_csv(tmp_path / "corrected.csv", index=False)
+        words = {"ball": "80mm±0.8mm", "fps": 30, "frames": "16:51"}
+        return vl.track(clip, corrected=tmp_path / "corrected.csv", **words).document
+
+    def scale_of(one: dict[str, Any]) -> tuple[str, float, float]:
+        scale = one["scale"]
+        return scale["from"], scale["metres_per_pixel"], scale["relative_u"]
+
+    same = again()
+    assert same["flags"] == document["flags"]
+    assert scale_of(same)[0] == scale_of(document)[0]
+    assert scale_of(same)[1:] == pytest.approx(scale_of(document)[1:], rel=1e-4)
+    for one, first in zip(same["flights"], document["flights"], strict=True):
+        for name in ("speed_in_m_per_s", "speed_out_m_per_s", "acceleration_m_per_s2"):
+            assert one[name] == pytest.approx(first[name], rel=1e-4)
+    for one, first in zip(same["contacts"], document["contacts"], strict=True):
+        assert one["restitution"] == pytest.approx(first["restitution"], rel=1e-4)
+    rows.loc[rows.index[len(rows) // 4], "x_px"] += 2.0  # about a third of a radius
+    moved = again()
+    assert moved["flags"] == document["flags"]
+    _, scale, relative_u = scale_of(document)
+    assert scale_of(moved)[1] == pytest.approx(scale, rel=relative_u)
+    first, late = document["flights"][0]["speed_out_m_per_s"], moved["flights"][0]
+    assert late["speed_out_m_per_s"]["value"] != pytest.approx(first["value"], rel=1e-4)
+    assert abs(late["speed_out_m_per_s"]["value"] - first["value"]) < first["u"]
+
+
 def test_flights_at_the_same_time_are_refused(
     thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
 ) -> None:

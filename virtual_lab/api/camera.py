@@ -240,7 +240,9 @@ def track(
         Its keys are metres_per_pixel, frames_per_second, exposure_s, lens_blur_px, timestamps and
         others.
     corrected
-        File ``track.csv`` of an earlier run, corrected by hand. Its positions and flights are used.
+        File ``track.csv`` of an earlier run, corrected by hand. Its frames, positions, sizes and
+        flights are used. The rest is found in the clip again, with the statements of this call, so
+        that an unchanged file gives the same result.
     film_of_track
         Also write the marked frames as a film, ``track.webp``, when the result is saved.
     progress

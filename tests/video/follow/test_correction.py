@@ -8,7 +8,10 @@ import pytest
 
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
-from virtual_lab.video.follow.correction import read_track
+from virtual_lab.video.find.watching import watch
+from virtual_lab.video.follow.correction import corrected, read_track
+from virtual_lab.video.follow.knowledge import ClipKnowledge
+from virtual_lab.video.follow.searching import FlightsFound, clip_scene
 
 
 @pytest.mark.parametrize("stated", [None, [], range(0, 20, 3), range(20)])
@@ -26,5 +29,8 @@ def test_a_missing_time_is_that_of_the_frame(stated: range | None, tmp_path: Pat
         rows["time_s"] = pd.Series(times)[list(stated)]
     rows.to_csv(tmp_path / "track.csv", index=False)
     clip = open_clip(tmp_path / "clip.npy", calibration)
-    (flight,) = read_track(tmp_path / "track.csv", clip)[1]
+    knowledge, still = ClipKnowledge(rate=50.0), np.zeros(20, bool)
+    scene = clip_scene(clip, watch(clip), knowledge, still, squeezed=False)
+    flights = read_track(tmp_path / "track.csv", clip)
+    (flight,) = corrected(FlightsFound(scene=scene), flights).ways
     np.testing.assert_allclose(flight.t, 50 * times, atol=1e-9)

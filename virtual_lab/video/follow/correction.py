@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -12,15 +13,15 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_table
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.columns import numbers_in
-from virtual_lab.video.clips.timing import frame_steps, usual_step
-from virtual_lab.video.find.blobs import BLOB
-from virtual_lab.video.find.still import still_of
-from virtual_lab.video.find.watching import Watched
+from virtual_lab.video.find.blobs import BLOB, Blobs
 from virtual_lab.video.follow.pieces import GROWTH, Piece
+from virtual_lab.video.follow.searching import FlightsFound
+
+PLACE = ["frame", "x", "y", "picture_x", "picture_y"]  # fields of a blob that a row states
 
 
-def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
-    """Return the positions in a track file as blobs, and the flights in its column `flight`.
+def read_track(path: Path, clip: Clip) -> list[Blobs]:
+    """Return the positions of each flight in a track file, as blobs.
 
     The required columns are:
 
@@ -31,7 +32,6 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     The optional columns are:
 
     * radius_px: radius of the ball. The default is the median of the other rows.
-    * time_s: time of the position. The default is the time of the frame in the clip.
     * drift_x_px, drift_y_px: drift of the camera. The default is 0.
 
     Flights of fewer than five positions are left out.
@@ -54,28 +54,58 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     if not (steps := np.diff(frames[order])).all():
         twice = int(frames[order[steps.argmin()]])
         raise InputError(str(path), "frame", twice, "allowed: one position of the ball per frame")
-    blobs = np.zeros(len(table), BLOB)
-    blobs["frame"] = frames
+    rows = np.zeros(len(table), BLOB)
+    rows["frame"] = frames
     for name in ("x", "y"):
-        blobs[name] = column(f"{name}_px")
-        blobs[f"picture_{name}"] = blobs[name] + column(f"drift_{name}_px", otherwise=0.0)
+        rows[name] = column(f"{name}_px")
+        rows[f"picture_{name}"] = rows[name] + column(f"drift_{name}_px", otherwise=0.0)
     radius = column("radius_px", otherwise=np.nan)
     if np.isnan(radius).all():
         raise InputError(str(path), "radius_px", None, "at least one position needs a radius")
-    blobs["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
-    blobs["length"], blobs["edge"] = blobs["radius"], 0.1 * blobs["radius"]
-    blobs["contrast"] = 80.0  # contrast of a usual ball [DN], because a track states none
-    times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
-    stamped = frame_steps(clip.times)[frames.astype(np.intp)]
-    blobs, t = blobs[order], np.where(np.isnan(times), stamped, times)[order]
+    rows["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
+    # edge and contrast [DN] of a usual ball, if the clip shows none
+    rows["length"], rows["edge"], rows["contrast"] = rows["radius"], 0.1 * rows["radius"], 80.0
     names = table["flight"].iloc[order].reset_index(drop=True)
-    flights = map(np.asarray, names.groupby(names).indices.values())  # "" is not a flight
-    still = still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length()))
-    watched = Watched(still=still, blobs=blobs, change=np.full(clip.count, np.nan))
-    long = [rows for rows in flights if len(rows) >= GROWTH.least_places]
-    pieces = [Piece.of(blobs, rows, t[rows]) for rows in sorted(long, key=lambda rows: rows[0])]
-    for one, other in pairwise(pieces):
-        if other.frames[0] <= one.frames[-1]:
+    named = map(np.asarray, names.groupby(names).indices.values())  # "" is not a flight
+    flights = [rows[order][each] for each in named if len(each) >= GROWTH.least_places]
+    flights.sort(key=lambda each: each["frame"][0])
+    for one, other in pairwise(flights):
+        if other["frame"][0] <= one["frame"][-1]:
             allowed = "a flight must begin after the previous one has ended"
-            raise InputError(str(path), f"flight at frame {other.frames[0]}", None, allowed)
-    return watched, pieces
+            raise InputError(str(path), f"flight at frame {other['frame'][0]}", None, allowed)
+    return flights
+
+
+def corrected(result: FlightsFound, flights: list[Blobs]) -> FlightsFound:
+    """Return the flights with positions and sizes that were set by hand.
+
+    The clip shows the other properties: missing frames, edge, contrast, color and axes of the ball,
+    and the u of its positions. They are those of the tracked ball in the same frame or, where it
+    was not tracked, in the nearest one.
+
+    Parameters
+    ----------
+    result
+        Flights of the clip without a correction.
+    flights
+        Flights by hand, from `read_track`.
+    """
+    every, scene, ways = result.scene.blobs, result.scene, []
+    counted = np.flatnonzero(np.isfinite(scene.time))
+    time = np.interp(np.arange(len(scene.time)), counted, scene.time[counted])
+    balls = [every[way.blobs] for way in result.ways] or flights
+    tracked = np.concatenate([every[:0], *balls])
+    lost = np.concatenate([way.t - time[way.frames] for way in result.ways] or [0 * tracked["x"]])
+    for rows in flights:
+        frames = rows["frame"]
+        nearest = np.abs(np.subtract.outer(frames, tracked["frame"])).argmin(axis=1)
+        ball = tracked[nearest]
+        larger = (rows["radius"] + rows["length"]) / (ball["radius"] + ball["length"])
+        for name in ("radius", "length", "edge"):
+            ball[name] *= larger
+        ball[PLACE] = rows[PLACE]
+        places, every = len(every) + np.arange(len(ball)), np.concatenate([every, ball])
+        way = Piece.of(every, places, time[frames] + lost[nearest])
+        same = [each.pattern_u for each in result.ways if np.isin(each.frames, frames).any()]
+        ways.append(replace(way, pattern_u=max([way.pattern_u, *same])))
+    return replace(result, scene=replace(scene, blobs=every), ways=ways)

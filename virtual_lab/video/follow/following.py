@@ -17,6 +17,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNREAD
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
+from virtual_lab.video.follow.correction import corrected
 from virtual_lab.video.follow.doubts import (
     MOVED,
     against_flights,
@@ -34,7 +35,7 @@ from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.registering import register
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
-from virtual_lab.video.follow.searching import FlightsFound, clip_scene, search, step_of
+from virtual_lab.video.follow.searching import FlightsFound, search, step_of
 from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpen, wants_sharp
 from virtual_lab.video.follow.turning import turn_back
 
@@ -122,7 +123,6 @@ def follow_blobs(
     clip: Clip,
     watched: Watched,
     knowledge: ClipKnowledge,
-    flights: list[Piece] | None = None,
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
@@ -134,14 +134,8 @@ def follow_blobs(
     ----------
     watched
         Moving blobs, still background and drift of the clip.
-    flights
-        Flights of the ball that were corrected by hand. None: flights are searched for.
     """
     same = repeats(watched)
-    if flights is not None:
-        scene = clip_scene(clip, watched, knowledge, same, squeezed=False)
-        by_hand = FlightsFound(scene=scene, pieces=flights, ways=flights)
-        return measure(clip, watched, knowledge, by_hand)
     result, sharp, notes = search(clip, watched, knowledge, same), None, []
     if wants_sharp(knowledge, watched, result.ways) and not _while_moving(same, result.ways).any():
         try:
@@ -153,6 +147,8 @@ def follow_blobs(
         watched, result = register(clip, watched, result)
         if result.ways and not fit_of_falls(result.scene, result.ways):
             result = replace(result, ways=[])
+    if knowledge.by_hand is not None:
+        result = corrected(result, knowledge.by_hand)
     return measure(clip, watched, knowledge, result, sharp=sharp, earlier=notes)
 
 
@@ -199,7 +195,7 @@ def measure(
         notes += sharp.notes
         model = replace(model, rest=[*model.rest, *sharp.aside])
     else:
-        ball = watched.blobs[[k for each in ways or pieces for k in each.blobs]]
+        ball = scene.blobs[[k for each in ways or pieces for k in each.blobs]]
         rulers = rulers_of(knowledge, ball, model, step, where)
     scale = rulers[0] if rulers else None
     shared, flights = None, []
@@ -300,12 +296,8 @@ def _falls(model: FittedFlights, scale: Ruler, step: float) -> tuple[Estimate, l
     alike = fit_flights(level, model.ways, shared=False)
     scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(lambda fit: fit.size, model.fit, (), **scaling)
-    alone = [estimate_of(partial(_pull, k), alike, (), **scaling) for k in range(len(model.ways))]
-    return shared, alone
-
-
-def _pull(flight: int, fit: Fit) -> float:
-    return float(np.hypot(*fit.pull[flight]))
+    pulls = [lambda fit, k=k: float(np.hypot(*fit.pull[k])) for k in range(len(model.ways))]
+    return shared, [estimate_of(each, alike, (), **scaling) for each in pulls]
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:

@@ -11,6 +11,7 @@ from virtual_lab.video.calibration.plane import distance_of
 from virtual_lab.video.clips.calibration_file import EXACT, ClipCalibration
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
+from virtual_lab.video.find.blobs import Blobs
 
 GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # sources of a scale or a rate
 # u of the camera's angle off level, and off square to the flight [rad]; two u are 5 degrees
@@ -45,6 +46,8 @@ class ClipKnowledge:
     frames: tuple[int, int] | None = None
     region: tuple[float, float, float, float] | None = None
     ball_at: tuple[float, float, int] | None = None  # x, y, frame
+    # positions of each flight by hand, which replace those that are found; None: no correction
+    by_hand: list[Blobs] | None = None
     # calibration of a camera with which the ball is located sharply; empty if there is none
     calibration: ClipCalibration = field(default_factory=ClipCalibration)
 

@@ -134,9 +134,8 @@ def rulers_of(
         allowed = "no flight measures gravity to 25 %, or the camera is tilted; give {ball}"
         raise InputError(where, "{ruler}", GRAVITY, allowed)
     rulers.sort(key=lambda each: (each.source != knowledge.ruler, each.relative_u))
-    if knowledge.metres_per_pixel:
-        relative = knowledge.metres_per_pixel_u / knowledge.metres_per_pixel
-        unit = knowledge.metres_per_pixel
+    if unit := knowledge.metres_per_pixel:
+        relative = knowledge.metres_per_pixel_u / unit
         scale = PixelScale(metres_per_pixel=unit, relative_u=relative, source=GIVEN)
         rulers.insert(0, Ruler.of(scale, knowledge))
     return rulers

@@ -43,9 +43,8 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
     frames are repeated, every frame was stored twice, and the second one is used. Otherwise both
     are tried. The one with more positions on flights and less scatter is used.
     """
-    readings = [False, True] if same.sum() >= LEAST_REPEATS else [False]
-    if same.mean() > EVERY_OTHER:
-        readings = [True]
+    doubled = same.mean() > EVERY_OTHER
+    readings = sorted({doubled, doubled or same.sum() >= LEAST_REPEATS})
     scenes = (clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings)
     return max((_read(watched, knowledge, each) for each in scenes), key=lambda each: each[0])[1]
 

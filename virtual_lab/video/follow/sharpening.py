@@ -82,16 +82,17 @@ def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece
     * The calibration states the camera, the lens blur or the exposure. One of them is enough.
     * `watched` shows a camera that does not move and a clip that is not interlaced.
     * `ways` holds one or two flights.
-    * The user did not request gravity as the source of the scale (`knowledge.ruler`).
+    * The user did not request gravity as the source of the scale (`knowledge.ruler`), and states
+      no positions by hand.
 
     `sharpen` may still fail.
     """
     calibration = knowledge.calibration
     # A file that only states rate or scale replaces options and is not a reason for an outline fit.
     has_camera = calibration.camera or calibration.lens_blur_px or calibration.exposure_s
-    if not has_camera or watched.still.drifts or watched.interlaced or knowledge.ruler == GRAVITY:
-        return False
-    return 0 < len(ways) <= 2
+    free = knowledge.by_hand is None and knowledge.ruler != GRAVITY
+    still = not (watched.still.drifts or watched.interlaced)
+    return bool(has_camera and free and still and 0 < len(ways) <= 2)
 
 
 def sharpen(

@@ -54,7 +54,7 @@ def course_of(track: FollowedClip) -> Places:
         names = [[str(flag.name) for flag in PlaceFlag(int(each))] for each in at.flags]
         values["flag_names"] = [" ".join(each) for each in names]
     elif ways:
-        blobs = track.watched.blobs[np.concatenate([way.blobs for way in ways])]
+        blobs = track.scene.blobs[np.concatenate([way.blobs for way in ways])]
         frames = blobs["frame"]
         values["time_s"] = track.seconds * np.concatenate([way.t for way in ways])
         # mean of the half axes, which is also used for the scale

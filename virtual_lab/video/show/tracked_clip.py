@@ -21,7 +21,7 @@ from virtual_lab.video.clips.reading import open_source
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.clips.timing import UNSURE_RATE
 from virtual_lab.video.follow.correction import read_track
-from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs
+from virtual_lab.video.follow.following import FollowedClip, follow
 from virtual_lab.video.follow.knowledge import (
     BALL,
     FILE,
@@ -81,12 +81,7 @@ def track_clip(
     clip = open_clip(file, calibration)
     if clip.count < 2:
         raise InputError(str(source.path), "frames", clip.count, "motion needs at least two")
-    knowledge = _knowledge(clip, calibration, said)
-    if "corrected" in said:
-        watched, ways = read_track(said["corrected"], clip)
-        track = follow_blobs(clip, watched, knowledge, ways)
-    else:
-        track = follow(clip, knowledge, progress=progress)
+    track = follow(clip, _knowledge(clip, calibration, said), progress=progress)
     messages = (*track.notes, *notes)
     if "phone" in said:  # the option makes these notes unnecessary
         messages = tuple(each for each in messages if not each[1].startswith(STANDING))
@@ -126,8 +121,6 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
     # A faster clip comes from a laboratory's camera.
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
-    # Without a calibrated camera, or with positions by hand, the ball cannot be located sharply.
-    by_outline = calibrated and "corrected" not in said
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
     knowledge = replace(
         knowledge_of(clip, calibration),
@@ -138,7 +131,9 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
             "tripod": calibrated,
             # With a calibrated camera, the size of the ball is more accurate than gravity.
             "ruler": BALL if calibrated else None,
-            "calibration": calibration if by_outline else ClipCalibration(),
+            # Without a calibrated camera, the ball cannot be located sharply.
+            "calibration": calibration if calibrated else ClipCalibration(),
+            "by_hand": read_track(said["corrected"], clip) if "corrected" in said else None,
         }
         | more,
     )
@@ -153,8 +148,7 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
     ):
         if not fits:
             allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-            key = f"{{{name}}}"
-            raise InputError(str(clip.source.path), key, said[name], allowed)
+            raise InputError(str(clip.source.path), f"{{{name}}}", said[name], allowed)
     return knowledge
 
 
