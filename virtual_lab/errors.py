@@ -132,4 +132,5 @@ def _short(value: object) -> str:
     except ValueError:  # Python does not print such a number
         text = "a number of thousands of digits"
     text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
+    # the end is kept, because a long path ends in the name of its file
+    return text if len(text) <= 60 else f"{text[:28]}...{text[-29:]}"
