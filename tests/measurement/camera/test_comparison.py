@@ -203,7 +203,7 @@ def test_the_certificate_states_both_results(
     assert stated is not None
     assert gates.value == pytest.approx(stated.value, rel=1e-12)
     # the stated u leans on hits of other positions too, the comparison on those of the result
-    monkeypatch.setattr(certifying, "_nearby_variances", lambda *_: {})
+    monkeypatch.setattr(certifying, "nearby_variances", lambda *_: {})
     alone = certify_session(certification.session).quantities["collision_efficiency"]
     assert gates.u == pytest.approx(alone.u, rel=1e-12)
     assert gates.u != pytest.approx(stated.u, rel=1e-12)

@@ -17,7 +17,6 @@ from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
-LEAST_REPEATS = 2  # smallest number of repeats for which both interpretations are tried
 EVERY_OTHER = 0.4  # share of repeats among the frames above which every frame was stored twice
 
 
@@ -44,7 +43,7 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
     are tried. The one with more positions on flights and less scatter is used.
     """
     doubled = same.mean() > EVERY_OTHER
-    readings = sorted({doubled, doubled or same.sum() >= LEAST_REPEATS})
+    readings = sorted({doubled, doubled or same.sum() > 1})
     scenes = (clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings)
     return max((_read(watched, knowledge, each) for each in scenes), key=lambda each: each[0])[1]
 
