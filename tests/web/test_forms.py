@@ -41,7 +41,7 @@ def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
     command, page = COMMANDS[name], visitor.ask(f"/form/{name}")
     sent, names = form_of(page.text)
     hidden = {key for key in command.fields if {("", key), (name, key)} & EXCEPTIONS.keys()}
-    assert names - {"point"} == command.fields.keys() - hidden  # which point a click sets
+    assert names - {"point"} == command.fields.keys() - hidden  # point: the one that a click sets
     assert given(command, parse_qs(urlencode(sent))) == {}
     assert OF_SHELL.findall(words_of(page)) == []
     line = FunctionCommand(command)
@@ -111,7 +111,7 @@ def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
     for form, expected in (
         ("score", {"made"}),
         ("verify", {"made", "old"}),
-        ("certify", {"made", "old", "c.toml"}),  # of a laboratory, and of a bat
+        ("certify", {"made", "old", "c.toml"}),  # c.toml: a laboratory or a bat
         ("rehearse", {"made", "old", "c.toml", "d.json"}),
     ):
         page = visitor.ask(f"/form/{form}").text

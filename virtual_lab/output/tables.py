@@ -22,7 +22,7 @@ class Column(NamedTuple):
     @property
     def head(self) -> str:
         """The title with its unit."""
-        from virtual_lab.output.rounding import both_units  # which loads numpy
+        from virtual_lab.output.rounding import both_units  # numpy loads with it
 
         return f"{self.title} [{both_units(self.unit)}]" if self.unit else self.title
 
@@ -143,14 +143,14 @@ def table_text(
     if across:
         heads = ["", *(str(values[across]) for values in records)]
         texts = [list(cells) for cells in zip(heads, *texts, strict=True)]
+    lines = len(texts[0]) - 1
     if _width(texts) > WIDEST:
-        lines = len(texts[0]) - 1
         for cells in texts:
             room = max(10, *map(len, cells[1:]))
             cells[:1] = wrap(cells[0], room, break_long_words=False)
         tallest = max(map(len, texts))
         texts = [[""] * (tallest - len(cells)) + cells for cells in texts]
-        labels = _labels(texts, lines)
+    labels = _labels(texts, lines)
     blocks = [texts[:1]]
     for cells in texts[1:]:
         if len(blocks[-1]) > 1 and _width([*blocks[-1], cells]) > WIDEST:

@@ -143,8 +143,11 @@ def offered(
     for place, names, files in os.walk(folder):
         path = Path(place)
         kind = folder_kind(path) if path != folder else ""
-        fitting = [name for name in files if name.lower().endswith(endings) and name != SETTINGS]
-        found += [path / name for name in fitting if not kind] + [path] * (kind in kinds)
+        if kind in kinds:
+            found.append(path)
+        elif not kind:
+            named = (name for name in files if name.lower().endswith(endings))
+            found += [path / name for name in named if name != SETTINGS]
         deep = len(path.relative_to(folder).parts) >= DEEPEST or kind == "laboratory"
         names[:] = [] if deep else [name for name in names if name not in (RUNS, "truth")]
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):

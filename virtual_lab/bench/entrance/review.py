@@ -190,7 +190,9 @@ def _play_again(stored: StoredDay) -> Iterator[tuple[DayEvent, DayEvent]]:
 
 def _is_same(event: DayEvent, again: DayEvent) -> bool:
     """Return whether two entries differ at most by rounding."""
-    stated, played = (json.dumps([getattr(x, key) for key in x.__slots__]) for x in (event, again))
+    stated, played = (
+        json.dumps([getattr(entry, name) for name in entry.__slots__]) for entry in (event, again)
+    )
     return stated == played or not any(differences(json.loads(stated), json.loads(played), LOG))
 
 

@@ -3,7 +3,7 @@ The hits of a certificate
 =========================
 
 Six valid hits of a pivoted wood bat scatter about their mean, which is the
-result. The band is the 95 % interval of the result. It lies far below the
+result. The band is the 95 % interval of the result. It is far below the
 limit, and the bat passes.
 """
 
