@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import os
@@ -20,6 +21,7 @@ import pytest
 import virtual_lab as vl
 from tests.pictures import lines_of
 from virtual_lab import lab
+from virtual_lab.api.completing import completions
 from virtual_lab.certificate.document import document_of
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.cli import cli
@@ -52,6 +54,53 @@ def test_dir_help_and_completion_show_the_same_names() -> None:
     assert "instruments" in pydoc.render_doc(vl.coverage)
     with pytest.raises(AttributeError):
         vl.nothing  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('vl.ball("ga', "game-2003 game-speed-2003"),
+        ('vl.certify(vl.bat("r161"), procedure="bb', "bbcor"),
+        ("vl.certify(\n    'kn", "knob-loaded"),
+        ('vl.certify(bat, faults=["aim-along", "aim-al', "aim-along"),
+        ('vl.certify("r161", reality="', "real noise-free ideal"),
+        ('vl.certify("r161", nothing="', ""),
+        ("vl.bat(ru", ""),
+        ('open("', ""),
+        ("gates.with_(cl", "clock_fast= clock_u="),
+        ("gates.with_(tick=4, half", "half_height="),
+        ("gates.with_(tick=", ""),
+        ("vl.certify(gates).with_(", ""),
+        ('vl.bat("r161").with_(', '{"body.profile.z":'),
+        ('vl.bat("r161").with_(seed=1, ', ""),
+        ('gates.with_(tick=4); vl.bat("r161").with_({"body.dam', "body.damping_ratio"),
+        ('vl.bat("nothing").with_(', ""),
+    ],
+)
+def test_names_and_keys_are_completed(text: str, words: str) -> None:
+    found, typed = completions(text, {"gates": vl.instrument("pivot-gates"), "bat": 1})
+    assert [*map(str.strip, found)][: len(words.split()) or None] == words.split()
+    assert text.endswith(typed)
+
+
+def test_a_notebook_asks_for_completions() -> None:
+    """A stand-in for IPython has the names that the package uses; no kernel is started."""
+    code = """if True:
+        import sys
+        from types import SimpleNamespace as Values
+        shell = Values(user_ns={}, Completer=Values(custom_matchers=[]))
+        sys.modules["IPython"] = Values(get_ipython=lambda: shell)
+        import virtual_lab as vl
+        (match,) = shell.Completer.custom_matchers
+        text = "vl.certify(" + chr(10) + "    bat='knob"
+        context = Values(full_text=text + "'", cursor_line=1, text_until_cursor="    bat='knob")
+        result = match(context)
+        result["completions"] = [each.text for each in result["completions"]]
+        print(match.matcher_api_version, result)"""
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    version, result = done.stdout.split(maxsplit=1)
+    found = {"completions": ["knob-loaded"], "matched_fragment": "knob", "suppress": True}
+    assert (version, ast.literal_eval(result)) == ("2", found)
 
 
 def test_the_help_of_the_package_names_every_function_once() -> None:

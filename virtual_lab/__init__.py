@@ -78,6 +78,7 @@ Classes of results, sheets and errors
 """
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +99,11 @@ if TYPE_CHECKING:
     from virtual_lab.api import *  # noqa: F403
 
 __version__ = VERSION
+
+if "IPython" in sys.modules and (shell := sys.modules["IPython"].get_ipython()):
+    from virtual_lab.api.completing import complete_in
+
+    complete_in(shell)
 
 
 # There is no `__all__`, because pydoc would describe every name in it, and help(vl) would be more
