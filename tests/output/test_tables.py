@@ -67,14 +67,14 @@ def test_a_wide_table_has_heads_of_several_lines_and_blocks() -> None:
     blocks = text.split("\n\n")
     assert len(blocks) > 1
     assert all(block.splitlines()[-3].split()[0] == "plan" for block in blocks)
-    shared = [{"sheet": "gates", "bat": bat, "key": key} for bat in "ab" for key in "uv"]
+    shared = [{"sheet": "gates", "bat": bat, "key": key} for bat in "abb" for key in "uv"]
     blocks = table_text([row | {f"number {n}": n + 1e6 for n in range(20)} for row in shared])
     first, *others = blocks.split("\n\n")
     assert "sheet" in first
     for (
         block
     ) in others:  # the labels that distinguish the lines: neither the sheet nor the bat alone
-        assert [line.split()[:2] for line in block.splitlines()[-4:]] == [
+        assert [line.split()[:2] for line in block.splitlines()[-6:]] == [
             [row["bat"], row["key"]] for row in shared
         ]
     narrow = table_text([{"plan": "p" * 80, "number of hits per ball": 3}])

@@ -70,14 +70,18 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
         f"a bat at the limit of {TIGHT.name} passes one test with a probability of"
     )
     chances = [100 * row.pass_probability for row in points(found, 1)[POINTS:]]
-    assert re.findall(r"([\d.]+) ± ", first) == [f"{chances[i]:.1f}" for i in (0, -1)]
+    assert re.findall(r"([\d.]+) ± ", first) == [f"{chances[0]:.1f}"]
+    assert chances[-1] == 0
+    assert first.endswith("5 % over it with < 8.8 %")  # 1 - 0.025 ** (1 / 40)
     for one, best in zip(points(found, 1)[POINTS:], points(found, 3)[POINTS:], strict=True):
         p = one.pass_probability
         band = stats.binomtest(round(p * LABORATORIES), LABORATORIES).proportion_ci()
         half = (band.high - band.low) / 2
         cells = [f"{one.true_value:.4g}", f"{100 * (one.true_value / 1.2 - 1):+.1f} %"]
-        cells += [f"{100 * p:.1f} ± {100 * half:.1f} %", f"{100 * best.pass_probability:.1f} ± "]
+        cells += [f"{100 * p:.1f} ± {100 * half:.1f} %"] * (p > 0)
+        cells += [f"{100 * best.pass_probability:.1f} ± "] * (best.pass_probability > 0)
         three = f"{100 * (1 - (1 - p) ** 3):.1f} ± {300 * (1 - p) ** 2 * half:.1f} %"
+        three = three if p else f"< {100 * (1 - (1 - band.high) ** 3):.1f} %"
         (line,) = (line for line in answer.splitlines() if line.startswith(cells[0] + " "))
         assert [*line.split("  ")][-1].strip() == three
         assert all(cell in line for cell in cells)
@@ -85,6 +89,13 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
     assert f"the limit of acceptance is {strict:.4f} ± 0.00" in answer
     assert f"or {stricter:.4f} ± 0.0" in answer
     assert stricter < strict < 1.2
+    words = r"Chance decides between a true BPF of ([\d.]+) and ([\d.]+): "
+    (ends,) = re.findall(words, answer)
+    true, shares = np.transpose(
+        [[row.true_value, row.pass_probability_if_valid] for row in curve(found, 1)]
+    )
+    for end, share in zip(map(float, ends), (0.95, 0.05), strict=True):
+        assert np.interp(end, true, shares) == pytest.approx(share, abs=0.03)
 
 
 def test_the_stated_error_of_a_limit_of_acceptance_is_its_scatter() -> None:

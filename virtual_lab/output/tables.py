@@ -160,13 +160,17 @@ def table_text(
 
 
 def _labels(texts: list[list[str]], lines: int) -> list[list[str]]:
-    """Return the first columns that distinguish the last `lines` lines, or the first column."""
+    """Return the first columns that distinguish the last `lines` lines, or the first column.
+
+    Lines that are equal in the first four columns need not be distinguished.
+    """
     labels: list[list[str]] = []
+    different = set(zip(*(cells[-lines:] for cells in texts[:4]), strict=True))
     for cells in texts[:4]:
         if len(set(cells[-lines:])) > 1:
             labels.append(cells)
         rows = set(zip(*(label[-lines:] for label in labels), strict=True))
-        if len(rows) == lines and _width(labels) < WIDEST / 2:
+        if len(rows) == len(different) and _width(labels) < WIDEST / 2:
             return labels
     return texts[:1]
 

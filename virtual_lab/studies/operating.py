@@ -10,7 +10,7 @@ bat.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import nan
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ from virtual_lab.measurement.procedure import exemption
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.rounding import both_units, in_both_units
+from virtual_lab.output.rounding import both_units, in_both_units, with_unit
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.parameters import AnyLaboratory, Numbers, Positive, Seed, values_of
@@ -49,7 +49,8 @@ WORDS = (
     "PASS: joint probability that the test of a bat with the true metric x is valid and that its\n"
     "result does not exceed the limit. PASS if valid: conditional probability among valid tests.\n"
     "Best of 3: at least one of three tests of one laboratory passes. At least, at most: 95 %\n"
-    "confidence limits of the simulation (Clopper-Pearson). ±: half of that interval.\n"
+    "confidence limits of the simulation (Clopper-Pearson). ±: half of that interval. < or >: no\n"
+    "simulated test passes, or every one, and the number is the limit at most or at least.\n"
     "Errors of: the simulated bat, a variant of the named one with the true metric. Without a\n"
     "factor no variant has this metric, and the errors of the named bat are used."
 )
@@ -72,8 +73,8 @@ class OperatingPoint:
     pass_probability_low: float = column("  at least", form=".1%")
     pass_probability_high: float = column("  at most", form=".1%")
     pass_probability_if_valid: float = column("PASS if valid", form=".1%")
-    pass_probability_if_valid_low: float = column("  at least", form=".1%")
-    pass_probability_if_valid_high: float = column("  at most", form=".1%")
+    pass_probability_if_valid_low: float = column("if valid, at least", form=".1%")
+    pass_probability_if_valid_high: float = column("if valid, at most", form=".1%")
 
 
 CHANCES = [each.name for each in fields(OperatingPoint) if each.name.startswith("pass_")]
@@ -226,6 +227,7 @@ def operating(
         count = POINTS + len(further)
         one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
         answers.append(_answers(one, best, limits[rules.name], accepted))
+        answers.extend(_decided_by_chance(rows[-2 * count :][:POINTS]))
         at_limit, *_, over_it = (_best_of(1, row) for row in one[: len(OVER)])
         titles.append(
             f"a bat at the limit of {rules.name} passes one test with a probability of {at_limit}, "
@@ -273,17 +275,35 @@ def _answers(
     return (
         f"Probability of PASS by {one[0].procedure}, with the limit {limit:g}; best of 3 tests of "
         f"one laboratory, or of 3 laboratories:\n{table_text(lines)}\n"
-        f"A bat at the limit passes with {RISK:.0%} if the limit of acceptance is {alone:.4f} ± "
-        f"{u:.4f} in one test,\nor {best_of:.4f} ± {best_u:.4f} if the best of three laboratories "
-        "counts."
+        f"If a bat at the limit shall pass only {100 * RISK:.0f} % of its tests,\nthe limit of "
+        f"acceptance is {alone:.4f} ± {u:.4f}, or {best_of:.4f} ± {best_u:.4f} if the best of "
+        "three laboratories counts."
     )
+
+
+def _decided_by_chance(curve: Sequence[OperatingPoint]) -> Iterator[str]:
+    """Yield the true metrics between which chance decides, if the curve reaches 95 and 5 %."""
+    chances = [row.pass_probability_if_valid for row in curve[::-1]]
+    if chances[0] <= RISK and chances[-1] >= 1 - RISK:
+        true = [row.true_value for row in curve[::-1]]
+        ends = np.interp([1 - RISK, RISK], chances, true).tolist()
+        low, high = (with_unit(each, curve[0].unit, ".4f") for each in ends)
+        most, least = (f"{100 * each:.0f} %" for each in (1 - RISK, RISK))
+        yield (
+            f"Chance decides between a true {curve[0].metric} of {low} and {high}: of the valid\n"
+            f"tests of a bat, {most} pass at the first and {least} at the second."
+        )
 
 
 def _best_of(laboratories: int, row: OperatingPoint) -> str:
     """Return the probability that at least one of several laboratories passes a bat, with its ±."""
-    fails, half = 1 - row.pass_probability, row.pass_probability_high - row.pass_probability_low
-    u = laboratories * fails ** (laboratories - 1) * half / 2
-    return f"{100 * (1 - fails**laboratories):.1f} ± {100 * u:.1f} %"
+    p, low, high = row.pass_probability, row.pass_probability_low, row.pass_probability_high
+    if p == 0:
+        return f"< {100 * (1 - (1 - high) ** laboratories):.1f} %"
+    if p == 1:
+        return f"> {100 * (1 - (1 - low) ** laboratories):.1f} %"
+    u = laboratories * (1 - p) ** (laboratories - 1) * (high - low) / 2
+    return f"{100 * (1 - (1 - p) ** laboratories):.1f} ± {100 * u:.1f} %"
 
 
 def _acceptance(results: Array, risk: float) -> tuple[float, float]:

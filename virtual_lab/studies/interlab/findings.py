@@ -15,6 +15,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
+from virtual_lab.output.rounding import with_unit
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import AnyDocument, AnyLaboratory, Positive
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 # largest difference that agrees with a prediction [share of the prediction], and smallest effect
 # that is compared [share of s_R]
 TOLERANCE, NEGLIGIBLE = 0.1, 0.02
+APART = 1.96 * sqrt(2)  # largest difference of 95 % of pairs of results [s_R]
 ALL, REST = "all factors", "interaction"
 WORDS = (
     "s_r: repeats with one lot; s_lot: between lots; s_L: between laboratories; s_R: single tests\n"
@@ -165,7 +167,9 @@ def interlab(
         return Interlab(name="interlab", title=title, rows=rows, exercises={})
     tests = f"{spec.exercises} x {spec.laboratories} laboratories, {spec.lots} lots"
     title = f"{tests}, {spec.repeats} repeats; {spec.alone} laboratories per factor alone"
-    words = "\n".join([WORDS, *(_consistency(name, each) for name, each in exercises.items())])
+    units = {_case_name(row): row.unit for row in rows}
+    texts = [_consistency(name, units[name], each) for name, each in exercises.items()]
+    words = "\n".join([WORDS, *texts])
     return Interlab(name="interlab", title=title, words=words, rows=rows, exercises=exercises)
 
 
@@ -335,8 +339,11 @@ def _sds(
     return rows
 
 
-def _consistency(name: str, study: NestedStudy) -> str:
-    """Return Cochran's and Grubbs's tests of the first exercise in words."""
+def _consistency(name: str, unit: str, study: NestedStudy) -> str:
+    """Return the largest difference of two laboratories and tests of the first exercise in words.
+
+    The difference is the reproducibility limit of ISO 5725-6.
+    """
     tests = (
         ("Cochran", float(study.cochran[0]), study.cochran_limit, "laboratory's scatter"),
         ("Grubbs", float(study.grubbs[0]), study.grubbs_limit, "laboratory's mean"),
@@ -346,7 +353,11 @@ def _consistency(name: str, study: NestedStudy) -> str:
         kind = "an outlier" if value > limit(OUTLIER) else "a straggler"
         said = f", a {what} is {kind}" if value > limit(STRAGGLER) else ""
         texts.append(f"{test} {value:.2f} (5 %: {limit(STRAGGLER):.2f}){said}")
-    return f"First exercise, {name}: {'; '.join(texts)}."
+    apart = with_unit(APART * _pooled(study)["s_R"], unit, ".3g")
+    return (
+        f"{name}: single tests of two laboratories differ by less than {apart} in 95 % of cases "
+        f"({APART:.1f} s_R).\nIts first exercise: {'; '.join(texts)}."
+    )
 
 
 def _case_name(row: InterlabTerm) -> str:
