@@ -16,7 +16,10 @@ from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.commands.call import bind
 from virtual_lab.commands.lines import shell_words
 from virtual_lab.commands.table import every_command
+from virtual_lab.commands.wording import parameters_named
+from virtual_lab.errors import worded
 from virtual_lab.page.fields import EXCEPTIONS, given, texts
+from virtual_lab.page.wording import field_name
 
 COMMANDS = {name: each for name, each in every_command().items() if name != "open"}
 FOLDED = {"seed", "operator_seed", "workers"}
@@ -99,6 +102,12 @@ def test_a_refused_value_stands_beside_its_field(
 def test_uncertainties_may_be_typed_with_plus_and_minus() -> None:
     values = given(COMMANDS["track"], {"clip": ["a.mp4"], "ball": ["73mm+-0.5mm"]})
     assert bind(COMMANDS["track"], values).values["ball"] == "73mm+-0.5mm"
+
+
+def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
+    with parameters_named(field_name):
+        told = worded("use {fps=240} or {ball_at=X,Y@FRAME}")
+    assert told == "use “Frame rate” 240 or “The ball in one frame”"
 
 
 def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:

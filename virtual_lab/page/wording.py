@@ -22,8 +22,11 @@ def title_of(key: str) -> str:
 
 
 def field_name(key: str, value: str = "") -> str:
-    """Return the title of a field, and a value for it, as a message names it."""
-    return f"“{title_of(key)}” {value}".strip()
+    """Return the title of a field, and a value for it, as a message names it.
+
+    A pattern such as ``X,Y@FRAME`` is no value: the field shows its own.
+    """
+    return f"“{title_of(key)}” {'' if value.isupper() else value}".strip()
 
 
 def plain(words: str) -> str:

@@ -62,14 +62,15 @@ def against_gravity(
         words = f"a rate of {said} per second was fitted: {why}; or use {{fps}}"
         fitted = replace(knowledge, rate=rate, rate_u=relative_u, rate_of=GRAVITY, ruler=BALL)
         return [("RATE_FITTED", words)], fitted
+    length = f"a length {g / fall:.3g} times as long"
+    if scale.source == BALL and knowledge.ball:
+        length = f"{{ball={1e3 * g / fall * knowledge.ball:.3g}mm}}"
+    cures = f"{{fps={rate:.3g}}} or {length}"
     if fall - coverage * shared.u > ABSURD * g:
-        length = f"a length {g / fall:.3g} times as long"
-        if scale.source == BALL and knowledge.ball:
-            length = f"{{ball={1e3 * g / fall * knowledge.ball:.3g}mm}}"
-        allowed = f"{finding}; {{fps={rate:.3g}}} or {length} would give {g:.3g} m/s²"
+        allowed = f"{finding}; {cures} would give {g:.3g} m/s²"
         raise InputError(where, "frames per second", f"{knowledge.rate:.6g}", allowed)
     words = f"{finding} instead of {g:.3g} m/s²; that length is wrong, or the frame rate"
-    why = f"and with it every speed (slow motion?); {{fps={rate:.3g}}} would fit"
+    why = f"and with it every speed (slow motion?); {cures} would fit"
     return [("GRAVITY", f"{words} {why}")], knowledge
 
 
