@@ -93,7 +93,8 @@ def propagate_inputs(
     validate
         Whether Monte Carlo draws continue until they are five times as accurate as `digits`
         requires. JCGM 101, clause 8, requires this to judge whether the first-order result is
-        valid.
+        valid. With two digits this takes about 1 to 80 million draws: up to some seconds for a
+        product of two inputs, and up to an hour for a model of 50 µs that accepts only numbers.
     seed
         Seed of the draws.
     progress
