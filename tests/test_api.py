@@ -250,6 +250,19 @@ def test_a_scan_is_plotted_over_the_position_with_its_curve() -> None:
     assert value == scanned.value
 
 
+def test_a_speed_is_stated_in_mph_and_in_m_per_s(tmp_path: Path) -> None:
+    """By the score, and by the reason of a test whose u is too large."""
+    tested = vl.certify("softball-34", procedure="asa", seed=1)
+    tested.save(tmp_path / "test")
+    words = vl.score(tmp_path / "test").text.partition("\n")[0]
+    si, mph = map(float, re.search(r"true value ([\d.]+) m/s \(([\d.]+) mph\)", words).groups())
+    assert mph == pytest.approx(si / 0.44704, rel=5e-4)
+    rules = vl.procedure("asa").with_(largest_speed_u="0.01 mph")
+    reason = vl.certify("softball-34", procedure=rules, seed=1).text.partition("\n")[0]
+    stated, limit = r"0\.\d\d mph \(0\.0\d m/s\)", r"0\.01 mph \(0\.00447 m/s\)"
+    assert re.fullmatch(f"INVALID: the u of v_f is {stated}, allowed up to {limit}", reason)
+
+
 def test_a_test_without_a_result_states_the_reason(tmp_path: Path) -> None:
     """A request for a number raises an error; a sweep shows the reason and NaN."""
     rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "0.001 mph"})

@@ -250,7 +250,7 @@ def test_a_row_is_printed_to_the_second_digit_of_u() -> None:
     ("said", "printed"),
     [
         (
-            "ball speed 131.58 mph, allowed 136 ± 2 mph",
+            "ball speed 131.58 mph (58.82 m/s), allowed 136 ± 2 mph (60.8 ± 0.89 m/s)",
             "ball speed 58.82 m/s, allowed 60.80 ± 0.89 m/s",
         ),
         (

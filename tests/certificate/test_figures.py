@@ -388,13 +388,14 @@ def test_axes_say_what_they_show_and_in_which_unit(
 ) -> None:
     """Titles and labels appear as often as expected."""
     place, shot = "position from the tip, in", "shot"
+    speed = "vf, mph (1 mph = 0.447 m/s)"
     for made, name, labels in (
         (document, "hits_figure", ["hit by hit", shot, "BPF", "against the limit"]),
         (scan, "hits_figure", ["along the barrel", place, "BESR", "against the limit"]),
-        (swung, "hits_figure", ["along the barrel", place, "vf, mph", "no limit is set"]),
+        (swung, "hits_figure", ["along the barrel", place, speed, "no limit is set"]),
         (scan, "along_figure", ["eA", "e", "vf, mph", "BESR", *[place] * 4]),
         (swung, "along_figure", ["eA", "e", "vf, mph", *[place] * 3]),
-        (swung, "swings_figure", ["exponent n of the swing law", "vf, mph"]),
+        (swung, "swings_figure", ["exponent n of the swing law", speed]),
         (document, "budget_figure", ["share of the variance, %"]),
         (document, "rebound_figure", ["eA from the recoil", "eA from the rebound", shot]),
         (document, "encoder_figure", ["whole record", *["time after contact, ms"] * 2]),

@@ -18,7 +18,7 @@ from virtual_lab.simulation.stations.rig import Reality, Stage, find_rig
         ("astm-f1881", "ball-cannon", "records no encoder, which astm-f1881 needs"),
         ("bbcor", "ncaa-swing", "swings the bat; bbcor needs it at rest"),
         ("bbcor", "bench", "installed: astm-pivot"),
-        ("bbcor", "astm-pivot", "fires up to 90 mph"),
+        ("bbcor", "astm-pivot", r"fires up to 90 mph \(40.23 m/s\)"),
     ],
 )
 def test_a_rig_that_does_not_fit_is_refused(procedure: str, rig: str, said: str) -> None:

@@ -5,7 +5,14 @@ import re
 import pytest
 
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.rounding import beyond, decimals, digits, with_uncertainty
+from virtual_lab.output.rounding import (
+    beyond,
+    decimals,
+    digits,
+    with_axis_unit,
+    with_uncertainty,
+    with_unit,
+)
 from virtual_lab.units import MPH
 
 
@@ -73,3 +80,13 @@ def test_a_limit_is_printed_in_the_unit_of_its_metric() -> None:
     assert METRICS["batted_speed"].limit(98.6 * MPH) == "98.6 mph (44.1 m/s)"
     assert METRICS["restitution"].limit(0.5) == "0.500"
     assert METRICS["restitution"].limit(0.50117, more=1) == "0.5012"
+
+
+def test_a_speed_is_printed_in_both_units() -> None:
+    """60 mph are 88 ft/s = 26.8224 m/s."""
+    assert with_unit(60.0, "mph", ".2f") == "60.00 mph (26.82 m/s)"
+    assert with_unit(26.8224, "m/s", ".2f") == "26.82 m/s (60.00 mph)"
+    assert (with_unit(0.5, "", ".2f"), with_unit(0.5, "m", ".1f")) == ("0.50", "0.5 m")
+    assert beyond("{0:.{d}f} mph ({3:.{d}f} m/s)", 60.0, 0, 50, 1) == "60.0 mph (26.8 m/s)"
+    assert with_axis_unit("v_f", "mph") == "v_f, mph (1 mph = 0.447 m/s)"
+    assert with_axis_unit("e", "") == "e"

@@ -13,6 +13,7 @@ import numpy as np
 from virtual_lab.certificate.document import CertificateDocument, EncoderTrace, ShotRow
 from virtual_lab.certificate.printed import printed_budget, printed_size
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import with_axis_unit
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
 LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # edges of the panels [pt]
@@ -81,7 +82,7 @@ def along_figure(document: CertificateDocument) -> str:
             bottom=150 - X_LABEL_HEIGHT,
             x=(places[0] - edge, places[-1] + edge),
             y=_limits([*ends, *(value / size for value in each.curve)]),
-            title=f"{symbol}, {unit}" if unit else symbol,
+            title=f"{symbol}, {unit}" if unit else symbol,  # too narrow for both units
             x_label="position from the tip, in",
         )
         label = "" if panels else "every hit"  # one label for all: a panel is too narrow for two
@@ -247,7 +248,7 @@ def swings_figure(document: CertificateDocument) -> str:
         x=(exponents[0] - wide, exponents[-1] + wide),
         y=_limits([*low, *high]),
         x_label="exponent n of the swing law",
-        y_label=_axis_label(document),
+        y_label=with_axis_unit(printed.symbol, printed.unit),
         x_ticks=exponents,
     )
     panel.ribbon(exponents, low, high, "95 % interval")
@@ -334,7 +335,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
         y=_limits([*heights, *interval]),
         title="along the barrel" if scan else "hit by hit",
         x_label="position from the tip, in" if scan else "shot",
-        y_label=_axis_label(document),
+        y_label=with_axis_unit(printed.symbol, printed.unit),
         x_ticks=None if scan or len(across) > 30 else across,
     )
     if document.states_result and metric.value is not None:
@@ -425,11 +426,6 @@ def _density(deviation: float, dof: float | None) -> float:
 def _put_limit(panel: Panel, limit: float, words: str) -> None:
     panel.level(limit, width=1.4, dashes=DASHED)
     panel.note(panel.x[1], limit, words)
-
-
-def _axis_label(document: CertificateDocument) -> str:
-    printed = METRICS[document.metric.name]
-    return f"{printed.symbol}, {printed.unit}" if printed.unit else printed.symbol
 
 
 def _limits(values: Sequence[float]) -> tuple[float, float]:

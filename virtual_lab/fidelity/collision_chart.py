@@ -136,7 +136,7 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
         )
     return SpeedChart(
         name="collision",
-        title="Collision models: error against time, R161, 2 to 12 in, 60 to 160 mph",
+        title="Collision models: error and time, R161, 2 to 12 in, 60 to 160 mph (27 to 72 m/s)",
         rows=rows,
         figure=draw_collision,
     )

@@ -451,8 +451,10 @@ def _invalidating(
 
     def too_large(i: int) -> str:
         u = printed.in_unit(float(metric_u[i]))
-        text = f"the u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
-        return beyond(text, u, -inf, printed.in_unit(most), decimals(u)).rstrip()
+        stated = printed.text(lambda size: "{0:.{d}f}" if size == printed.unit_si else "{3:.{d}f}")
+        allowed = printed.text(lambda size: f"{most / size:.3g}")
+        text = f"the u of {printed.symbol} is {stated}, allowed up to {allowed}"
+        return beyond(text, u, -inf, printed.in_unit(most), decimals(u))
 
     yield Reason(Verdict.INVALID, has_result & ~(metric_u <= most), too_large)
     for name, where in checked.voids.items():

@@ -61,9 +61,15 @@ def in_both_units(value: float, unit: str, form: str) -> str:
 
 
 def with_unit(value: float, unit: str, form: str) -> str:
-    """Return a number and its unit as text; a speed in mph as ``60.00 mph (26.82 m/s)``."""
+    """Return a number and its unit as text; a speed in both units: ``60.00 mph (26.82 m/s)``."""
     text = f"{value:{form}} {unit}".rstrip()
-    return f"{text} ({value * MPH:{form}} m/s)" if unit == "mph" else text
+    other, size = {"mph": ("m/s", MPH), "m/s": ("mph", 1 / MPH)}.get(unit, ("", 1.0))
+    return f"{text} ({value * size:{form}} {other})" if other else text
+
+
+def with_axis_unit(name: str, unit: str) -> str:
+    """Return the label of an axis, which for mph also states the size of the unit in m/s."""
+    return f"{name}, {unit}{f' (1 mph = {MPH:.3f} m/s)' if unit == 'mph' else ''}".rstrip(", ")
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
@@ -75,7 +81,7 @@ def beyond(text: str, value: float, low: float, high: float, places: int) -> str
     ----------
     text
         Format string with ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` for the lower limit and
-        ``{2:.{d}f}`` for the upper limit.
+        ``{2:.{d}f}`` for the upper limit. ``{3:.{d}f}`` is a value in mph, converted to m/s.
     value, low, high
         Value and limits in the unit of the text. A value that is within the limits or NaN is
         printed with `places` decimals.
@@ -85,4 +91,4 @@ def beyond(text: str, value: float, low: float, high: float, places: int) -> str
     digits = places
     while low <= float(f"{value:.{digits}f}") <= high and not low <= value <= high:
         digits += 1
-    return text.format(value, low, high, d=digits)
+    return text.format(value, low, high, value * MPH, d=digits)

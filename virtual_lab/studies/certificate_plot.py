@@ -8,6 +8,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure import curve_of
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.rounding import with_axis_unit
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.units import INCH
 
@@ -70,9 +71,8 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
         if procedure.metric_limit is not None:
             limit = printed.in_unit(procedure.metric_limit)
             axes.axhline(limit, color="black", linestyle="--", linewidth=0.8, label="limit")
-        unit = f", {printed.unit}" if printed.unit else ""
         x_label = "shot" if procedure.scan is None else "impact position from the tip, in"
-        axes.set(xlabel=x_label, ylabel=f"{printed.words}{unit}")
+        axes.set(xlabel=x_label, ylabel=with_axis_unit(printed.words, printed.unit))
         if procedure.scan is None:
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         tested, rules = as_drawn(certification.session.bat), as_drawn(procedure.name)

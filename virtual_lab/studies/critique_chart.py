@@ -86,7 +86,7 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
         ),
         (
             "$\\Delta v_f$: difference of the largest batted-ball speeds in the field, first minus "
-            "second bat; swing law: $I^{-n}$.",
+            "second bat (1 mph = 0.447 m/s); swing law: $I^{-n}$.",
             0.56,
             7.5,
         ),

@@ -25,7 +25,7 @@ from virtual_lab.measurement.procedure import exemption
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.rounding import both_units, in_both_units, with_unit
+from virtual_lab.output.rounding import both_units, in_both_units, with_axis_unit, with_unit
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.parameters import AnyLaboratory, Numbers, Positive, Seed, values_of
@@ -117,7 +117,7 @@ class OperatingCurves(Rows[OperatingPoint]):
                 words = "vertical line: limit; gray: 95 % interval of the simulation"
                 axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}; {words}")
                 axes.set(
-                    xlabel=f"true {points[0].metric} {points[0].unit}".rstrip(),
+                    xlabel=with_axis_unit(f"true {points[0].metric}", points[0].unit),
                     ylabel="probability of PASS",
                 )
                 axes.legend()

@@ -18,7 +18,7 @@ from virtual_lab.files.tables import write_csv
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import StudyResult
-from virtual_lab.output.rounding import decimals, digits
+from virtual_lab.output.rounding import decimals, digits, with_axis_unit
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, description_of, figure
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.output.template import page_template
@@ -197,8 +197,8 @@ class CertificateReport(StudyResult):
             value, low, high = (float(end or 0) / size for end in (row.value, row.low, row.high))
             intervals.append(Interval(self._row_name(row), value, low, high))
         limits = {row.limit if one_metric else 1.0 for row in rows if row.limit is not None}
-        unit = f", {rows[0].unit}" if one_metric and rows and rows[0].unit else ""
-        label = f"{rows[0].metric}{unit}" if one_metric and rows else "result / limit"
+        first = rows[0] if one_metric and rows else None
+        label = with_axis_unit(first.metric, first.unit) if first else "result / limit"
         return intervals, limits, label
 
     def draw(self) -> PageFigure:

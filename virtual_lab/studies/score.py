@@ -26,6 +26,7 @@ from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress
 from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.rounding import with_unit
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.records.origin import REHEARSAL
 from virtual_lab.studies.replay import compared_replay, play_again
@@ -85,11 +86,12 @@ class QuantityScore:
         """The error in one sentence."""
         if self.error is None or self.z is None:
             return f"The {self.quantity} has no error: its value or its uncertainty is missing."
-        unit, inside = f" {self.unit}".rstrip(), "inside" if self.held else "outside"
+        inside = "inside" if self.held else "outside"
+        error = with_unit(self.error, self.unit, "+.4g")
         return (
-            f"The certificate differs from the truth by {self.error:+.4g}{unit}, which is "
-            f"{abs(self.z):.1f} of its standard uncertainties; the true value "
-            f"{self.true_value:.4g}{unit} is {inside} the 95 % interval."
+            f"The certificate differs from the truth by {error}, which is {abs(self.z):.1f} of its "
+            "standard uncertainties; the true value "
+            f"{with_unit(self.true_value, self.unit, '.4g')} is {inside} the 95 % interval."
         )
 
 

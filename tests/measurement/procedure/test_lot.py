@@ -38,7 +38,7 @@ def test_e0_is_judged_at_the_speed_of_the_rules() -> None:
     assert admit_balls(RULES, lot).tolist() == [True, False, True]
     (ball,) = set_aside(RULES, lot)
     assert ball.ball == 1
-    assert ball.reason == "e0 0.5560 at 60 mph, allowed 0.525 to 0.555"
+    assert ball.reason == "e0 0.5560 at 60 mph (26.82 m/s), allowed 0.525 to 0.555"
 
 
 def test_a_heavy_ball_is_set_aside() -> None:
@@ -53,7 +53,7 @@ def test_a_ball_just_outside_a_window_is_printed_with_enough_digits() -> None:
     lot = set_aside(RULES, balls(mass=mass, restitution=e0))
     assert [ball.reason for ball in lot] == [
         "mass 5.25004 oz, allowed 5.00000 to 5.25000 oz",
-        "e0 0.55500002 at 60 mph, allowed 0.525 to 0.555",
+        "e0 0.55500002 at 60 mph (26.82 m/s), allowed 0.525 to 0.555",
     ]
 
 

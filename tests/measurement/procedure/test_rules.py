@@ -37,6 +37,7 @@ GOOD = {
     "recoil_rate": 14.0,
     "restitution": 0.52,
 }
+ALLOWED = "allowed 60 ± 1 mph (26.82 ± 0.45 m/s)"
 AIMED = 0.15  # aimed position [m]
 COUNTS = {"rate": 22_000.0, "rate_u": 2.0, "before": 0.0}
 
@@ -98,8 +99,8 @@ def test_a_good_shot_is_valid() -> None:
     ("change", "sentence"),
     [
         ({"speed": nan}, "the gates missed the incoming ball"),
-        ({"speed": 61.01 * MPH}, "ball speed 61.01 mph, allowed 60 ± 1 mph"),
-        ({"speed": 58.99 * MPH}, "ball speed 58.99 mph, allowed 60 ± 1 mph"),
+        ({"speed": 61.01 * MPH}, f"ball speed 61.01 mph (27.27 m/s), {ALLOWED}"),
+        ({"speed": 58.99 * MPH}, f"ball speed 58.99 mph (26.37 m/s), {ALLOWED}"),
         ({"place": 0.1511}, "impact position set to 5.949 in, allowed 5.906 ± 0.039 in"),
         ({"place": 0.100}, "impact position set to 3.937 in, allowed 5.906 ± 0.039 in"),
         ({"restitution": -0.1}, "restitution -0.100, which is impossible; check signs,"),
@@ -146,7 +147,7 @@ def test_the_first_window_missed_is_named() -> None:
     fast_and_heavy = {"speed": 65 * MPH, "ball_mass": 6 * OUNCE}
     reasons = judge(RULES, *shots({}, fast_and_heavy, {"ball_mass": 6 * OUNCE}), AIMED, 0.0).reasons
     assert reasons[0] == ""
-    assert reasons[1].startswith("ball speed 65.00 mph")
+    assert reasons[1].startswith("ball speed 65.00 mph (29.06 m/s)")
     assert reasons[2].startswith("ball mass 6.000 oz")
 
 

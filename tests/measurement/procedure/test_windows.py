@@ -32,6 +32,8 @@ GOOD = {
     "recoil_efficiency": nan,
     "rebound_efficiency": 0.2,
 }
+PITCH = "allowed 70 ± 1 mph (31.29 ± 0.45 m/s)"
+SWING = "allowed 66 ± 1 mph (29.5 ± 0.45 m/s)"
 COUNTS = 10_000 / (2 * np.pi)
 
 
@@ -97,8 +99,8 @@ LATE = 0.3e-3 / (70 * MPH)  # time of 0.3 mm of flight in [s]
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"speed": 71.01 * MPH}, "ball speed 71.01 mph, allowed 70 ± 1 mph"),
-        ({"speed": 68.99 * MPH}, "ball speed 68.99 mph, allowed 70 ± 1 mph"),
+        ({"speed": 71.01 * MPH}, f"ball speed 71.01 mph (31.74 m/s), {PITCH}"),
+        ({"speed": 68.99 * MPH}, f"ball speed 68.99 mph (30.84 m/s), {PITCH}"),
         (
             {"place": 2.97 * INCH},
             "impact position set to 2.970 in, allowed 3.000 to 9.000 in (range of the scan)",
@@ -113,7 +115,7 @@ LATE = 0.3e-3 / (70 * MPH)  # time of 0.3 mm of flight in [s]
         ({"rebound_slope": -tan(radians(12.1))}, "rebound angle 12.1 deg, allowed 12.0 deg"),
         ({"rebound_slope": tan(radians(12.04))}, "rebound angle 12.04 deg, allowed 12.00 deg"),
         ({"rebound_slope": tan(radians(12.0006))}, "rebound angle 12.001 deg, allowed 12.000"),
-        ({"speed": 71.0004 * MPH}, "ball speed 71.0004 mph, allowed 70 ± 1 mph"),
+        ({"speed": 71.0004 * MPH}, f"ball speed 71.0004 mph (31.7400 m/s), {PITCH}"),
         ({"ball_mass": 5.2501 * OUNCE}, "ball mass 5.2501 oz, allowed 5.0000 to 5.2500 oz"),
         ({"window_ball_restitution": 0.52499}, "e0 of the ball 0.52499, allowed 0.525 to 0.555"),
         (
@@ -124,8 +126,8 @@ LATE = 0.3e-3 / (70 * MPH)  # time of 0.3 mm of flight in [s]
         ({"restitution": -0.0001}, "restitution -0.0001, which is impossible"),
         ({"restitution": 1.0001}, "restitution 1.0001, which is impossible"),
         ({"swing_rate": nan}, "the encoder shows no rotation before contact"),
-        ({"swing_rate": TURN * 67.01 / 66}, "bat speed 67.01 mph, allowed 66 ± 1 mph"),
-        ({"swing_rate": TURN * 64.99 / 66}, "bat speed 64.99 mph, allowed 66 ± 1 mph"),
+        ({"swing_rate": TURN * 67.01 / 66}, f"bat speed 67.01 mph (29.96 m/s), {SWING}"),
+        ({"swing_rate": TURN * 64.99 / 66}, f"bat speed 64.99 mph (29.05 m/s), {SWING}"),
         ({"angle": 3.1}, "angle of the bat at contact 3.1 deg from square, allowed 3.0 deg"),
         ({"angle": -3.1}, "angle of the bat at contact 3.1 deg from square, allowed 3.0 deg"),
         ({"restitution": nan}, "the gates missed the returning ball"),

@@ -74,7 +74,7 @@ def convert_units(sentence: str, system: str) -> str:
         numbers = [f"{factor * float(each):.{places}f}" for each in (match[1], match[3]) if each]
         return f"{(match[2] or '').join(numbers)} {unit}"
 
-    pattern = r"(-?[\d.]+)(?:( ± | to )([\d.]+))? (mph|in)\b"
+    pattern = r"(-?[\d.]+)(?:( ± | to )([\d.]+))? (mph|in)\b(?: \([^()]* m/s\))?"
     return re.sub(pattern, convert, sentence) if system == "SI" else sentence
 
 

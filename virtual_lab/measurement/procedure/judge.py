@@ -142,19 +142,21 @@ def _up_to(text: str, high: float, places: int) -> Callable[[float], str]:
     return _within(text, -inf, high, places)
 
 
+def _near_speed(name: str, middle: float, tolerance: float) -> Callable[[float], str]:
+    """Return a function that writes the sentence on a speed [mph] too far from `middle` [m/s]."""
+    mph, most = middle / MPH, tolerance / MPH
+    allowed = f"{mph:.4g} ± {most:.3g} mph ({middle:.4g} ± {tolerance:.2g} m/s)"
+    text = f"{name} {{0:.{{d}}f}} mph ({{3:.{{d}}f}} m/s), allowed {allowed}"
+    return _within(text, mph - most, mph + most, 2)
+
+
 def _ball(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
     windows = procedure.windows
     speed, mass, e0 = results.speed, results.ball_mass, results.window_ball_restitution
     yield np.isfinite(speed), lambda _: "the gates missed the incoming ball", speed
-    around = f"{procedure.ball_speed / MPH:.4g} ± {windows.speed_tolerance / MPH:.3g}"
     yield (
         np.abs(speed - procedure.ball_speed) <= windows.speed_tolerance,
-        _within(
-            f"ball speed {{0:.{{d}}f}} mph, allowed {around} mph",
-            (procedure.ball_speed - windows.speed_tolerance) / MPH,
-            (procedure.ball_speed + windows.speed_tolerance) / MPH,
-            2,
-        ),
+        _near_speed("ball speed", procedure.ball_speed, windows.speed_tolerance),
         speed / MPH,
     )
     low, high = windows.ball_mass_low, windows.ball_mass_high
@@ -312,15 +314,9 @@ def _swing(
         # The procedure states the bat speed 6 in from the tip, so the window applies there.
         lever = (procedure.bat_speed or 0.0) / turn_rate
         tolerance = windows.bat_speed_tolerance
-
-        def describe(speed: float) -> str:
-            middle, most = float(turn_rate) * float(lever) / MPH, tolerance / MPH
-            text = f"bat speed {{0:.{{d}}f}} mph, allowed {middle:.4g} ± {most:.3g} mph"
-            return beyond(text, speed, middle - most, middle + most, 2)
-
         yield (
             np.abs(rate - turn_rate) * lever <= tolerance,
-            describe,
+            _near_speed("bat speed", procedure.bat_speed or 0.0, tolerance),
             rate * lever / MPH,
         )
     most = windows.contact_angle

@@ -8,7 +8,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
-from virtual_lab.output.rounding import beyond
+from virtual_lab.output.rounding import beyond, with_unit
 from virtual_lab.units import MPH, OUNCE, Array, Mask
 
 
@@ -61,8 +61,8 @@ def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...
             reason = beyond(text, balls.mass[ball] / OUNCE, low, high, 3)
         else:
             low, high = windows.ball_restitution_low, windows.ball_restitution_high
-            at = f"at {windows.ball_restitution_speed / MPH:.4g} mph"
-            text = f"e0 {{0:.{{d}}f}} {at}, allowed {{1:.3f}} to {{2:.3f}}"
+            at = with_unit(windows.ball_restitution_speed / MPH, "mph", ".4g")
+            text = f"e0 {{0:.{{d}}f}} at {at}, allowed {{1:.3f}} to {{2:.3f}}"
             reason = beyond(text, e0[ball], low, high, 4)
         excluded.append(SetAside(int(ball), reason))
     return tuple(excluded)

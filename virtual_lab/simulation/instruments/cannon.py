@@ -87,9 +87,12 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         is not that fast.
         """
         if np.any(speed > self.spec.fastest):
-            fastest, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
-            allowed = f"{self.spec.title} fires up to {most:.4g} mph"
-            raise InputError("procedure.toml", "ball_speed", f"{fastest:.4g} mph", allowed)
+            fastest, most = (
+                f"{each / MPH:.4g} mph ({each:.4g} m/s)"
+                for each in (float(np.max(speed)), self.spec.fastest)
+            )
+            allowed = f"{self.spec.title} fires up to {most}"
+            raise InputError("procedure.toml", "ball_speed", fastest, allowed)
         scatter = draws.normal(name, 4, slots).T
         return Launch(
             speed=speed + self.spec.speed_scatter * scatter[0],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab.output.rounding import with_axis_unit
 from virtual_lab.output.style import as_drawn, page_figure
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
     beside.plot(z, rows["collision_efficiency"], "--", color="black")
     below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
     beside.set_ylabel("$e_A$")
-    below.set(xlabel=PLACE, ylabel="speed, mph", xlim=SHOWN_IN)
+    below.set(xlabel=PLACE, ylabel=with_axis_unit("speed", "mph"), xlim=SHOWN_IN)
     for axes in (above, below):
         axes.grid(True, linewidth=0.3)
         axes.legend(loc="lower center", ncols=3)
@@ -129,7 +130,7 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
                 label=f"{name}, {swung}",
                 **look,
             )
-    for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
+    for axes, label in zip(panels, ("BPF", "$e_A$", with_axis_unit("$v_f$", "mph")), strict=True):
         axes.set_ylabel(label)
         axes.grid(True, linewidth=0.3)
     panels[2].set(xlabel=PLACE, xlim=SHOWN_IN)

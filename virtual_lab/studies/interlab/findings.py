@@ -15,7 +15,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.rounding import with_unit
+from virtual_lab.output.rounding import with_axis_unit, with_unit
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import AnyDocument, AnyLaboratory, Positive
@@ -85,8 +85,8 @@ class Interlab(Rows[InterlabTerm]):
                 causes.plot([row.predicted for row in rows], terms, "|k", markersize=9)
                 causes.invert_yaxis()
                 causes.set_title(as_drawn(name))
-                unit = f" [{rows[0].unit}]" if rows[0].unit else ""
-                causes.set_xlabel(f"standard deviation{unit}; mark: predicted")
+                words = with_axis_unit("mark: predicted; standard deviation", rows[0].unit)
+                causes.set_xlabel(words)
                 causes.locator_params(axis="x", nbins=5)
                 for axes, values, limit, words in (
                     (h, study.h[0], study.h_limit(), "h: means"),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.rounding import with_unit
+from virtual_lab.output.rounding import with_axis_unit, with_unit
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.parameters import (
     AboveZero,
@@ -74,7 +74,7 @@ class LaboratoryPlans(Rows[PlanRow]):
                 f"{as_drawn(self.title.partition(':')[0])}; mark: planned, dashed: target"
             )
             axes.set(
-                xlabel=f"median $u$ {self.unit}".rstrip(),
+                xlabel=with_axis_unit("median $u$", self.unit),
                 ylabel=f"price, {currency}" if currency else "minutes of a test",
             )
             axes.set(xmargin=0.1, ymargin=0.1)

@@ -24,7 +24,6 @@ for used, marker, label in kinds:
 cubic = np.polynomial.Polynomial.fit(z, mph, 3)
 axes.plot(*cubic.linspace(), "k-", label="cubic fit")
 axes.axhline(test.value, color="0.5", linestyle=":", label="result")
-axes.set(
-    xlabel="impact position from the tip, in", ylabel="batted-ball speed, mph"
-)
+axes.set_xlabel("impact position from the tip, in")
+axes.set_ylabel("batted-ball speed, mph (1 mph = 0.447 m/s)")
 axes.legend(loc="lower center")
