@@ -1,6 +1,7 @@
 """Data sheets of a laboratory from its records, against the sheets with which it was played."""
 
 import shutil
+from collections.abc import Mapping
 from itertools import count
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.own_laboratory import ball
 from virtual_lab.studies.own_laboratory.ball import sample_of_tests, with_scatter
 from virtual_lab.studies.own_laboratory.scatter import without_outliers
+from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import INCH
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
@@ -277,6 +279,26 @@ def test_hits_near_the_best_position_of_a_scan_show_the_scatter_too() -> None:
     found = ball.scatter_of_hits(certificate.certification)["bat"]
     assert found.dof == dof.sum() > 15
     assert found.total == pytest.approx(np.sqrt(variance), rel=1e-6)
+    simulated = SampledTests.of(lab.RoundRobin.of("r161", "bbcor"), 1, seed=7).pooled
+    assert simulated == pytest.approx(variance, rel=0.02)  # records of a test are rounded
+
+
+def test_hits_at_the_bat_scatter_by_the_error_of_e0_of_their_ball_too() -> None:
+    """Hits at the wall scatter twice as usual, and those at the bat half as much."""
+    document, true = vl.ball("baseball-2003").document, {"wall": 0.0074, "bat": 0.0018}
+    rules = lab.TestSetup.of("r161", procedure="astm-f1881").rules
+
+    def simulate(scatters: Mapping[str, float]) -> SampledTests:
+        return sample_of_tests(with_scatter(document, scatters), "r161", rules, seed=3)
+
+    played = simulate(true)
+    shown = {"bat": played.total, "wall": played.wall_variance}
+    wanted = {
+        place: StandardDeviation(np.sqrt(each[played.has_result].mean()), 30)
+        for place, each in shown.items()
+    }
+    found = ball.hit_scatters(wanted, simulate)
+    assert {place: each.value for place, each in found.items()} == pytest.approx(true, rel=0.03)
 
 
 def test_intervals_of_a_scatter_hold_without_its_known_part() -> None:

@@ -360,6 +360,17 @@ def nearby_variances(reduced: Reduction, hit_weights: HitWeights) -> dict[str, H
     return nearby
 
 
+def variance_of_hits(
+    reduced: Reduction, hit_weights: HitWeights, final: HitVariance
+) -> HitVariance:
+    """Return the variance of the metric of a hit, from the final hits and those nearby.
+
+    `final` is the variance of the final hits alone.
+    """
+    nearby = nearby_variances(reduced, hit_weights).get("metric")
+    return final if nearby is None else HitVariance.pool([final, nearby])
+
+
 def _deviations(session: Session, reduced: Reduction, readings: ImpactReadings) -> Iterator[str]:
     """Yield a sentence on each decision of a person that the rules contradict."""
     if not session.is_rehearsed:

@@ -16,7 +16,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.files import parse_toml
 from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.fitting import require_ball
-from virtual_lab.measurement.certification import Certification, nearby_variances
+from virtual_lab.measurement.certification import Certification, variance_of_hits
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.metrics import METRICS
@@ -31,7 +31,7 @@ from virtual_lab.studies.own_laboratory.rig_sheets import (
     write_numbers,
 )
 from virtual_lab.studies.plan.sample import SampledTests
-from virtual_lab.uncertainty.scatter import HitVariance, bartlett_p
+from virtual_lab.uncertainty.scatter import bartlett_p
 
 TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
 SEED = 1  # of the tests that are simulated to find the scatter of e0
@@ -124,9 +124,7 @@ def scatter_of_hits(test: Certification) -> dict[str, StandardDeviation]:
     scatters = {"wall": StandardDeviation(error.u * sqrt(hits), error.dof)}
     budget = test.first_order
     if budget is not None and budget.scatter is not None:
-        nearby = nearby_variances(reduced, reduced.hit_weights).get("metric")
-        today = budget.scatter.variance
-        variance = today if nearby is None else HitVariance.pool([today, nearby])
+        variance = variance_of_hits(reduced, reduced.hit_weights, budget.scatter.variance)
         scatters["bat"] = StandardDeviation(sqrt(variance.total[0]), float(variance.dof[0]))
     return {place: each for place, each in scatters.items() if each.value and each.dof}
 
@@ -168,8 +166,9 @@ def hit_scatters(
     """Return the scatter of e0 between hits with which simulated hits scatter as `wanted`.
 
     The variance of a hit is linear in the square of this scatter. Two samples of simulated tests
-    are therefore enough to find the scatter. Instruments and aim alone may cause more variance than
-    wanted. In this case the scatter is 0.
+    are therefore enough to find the scatter at a place. The wall comes first, because an error of
+    e0 of the balls changes hits at the bat, too. Instruments and aim alone may cause more variance
+    than wanted. In this case the scatter is 0.
 
     Parameters
     ----------
@@ -178,17 +177,20 @@ def hit_scatters(
     simulate
         Function that returns simulated tests with a scatter of e0, by place of the hits.
     """
-    without, with_it = (_variances(simulate({"wall": each, "bat": each})) for each in (0.0, TRIAL))
-    scatters = {}
-    for place, hit in wanted.items():
-        others = hit._replace(known=without[place])
-        scatters[place] = others.scaled(TRIAL / sqrt(with_it[place] - without[place]))
+    scatters = dict[str, StandardDeviation]()
+    for place in sorted(wanted, key=list(PLACES).index):
+        found = {each: scatter.value for each, scatter in scatters.items()}
+        without, with_it = (
+            _variances(simulate(found | {place: each}))[place] for each in (0.0, TRIAL)
+        )
+        others = wanted[place]._replace(known=without)
+        scatters[place] = others.scaled(TRIAL / sqrt(with_it - without))
     return scatters
 
 
 def _variances(sample: SampledTests) -> dict[str, float]:
     """Return the mean variance of a hit in simulated tests, at the wall and at the bat."""
-    wall, bat = sample.wall_variance[sample.has_result], sample.total[sample.has_result]
+    wall, bat = sample.wall_variance[sample.has_result], sample.pooled[sample.has_result]
     return {"wall": float(wall.mean()), "bat": float(bat.mean())}
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.aligned import AlignedArrays
 from virtual_lab.lab import BlockTest, RoundRobin
+from virtual_lab.measurement.certification import variance_of_hits
 from virtual_lab.measurement.procedure import CHOICE
 from virtual_lab.measurement.procedure.rules import SETTING_STEP
 from virtual_lab.measurement.reduction.observations import REPEATABILITY
@@ -37,6 +38,7 @@ class SampledTests(AlignedArrays):
     u: Array
     squares: Array  # variance of each line of the budget, (laboratory, line)
     total: Array  # variance of a hit
+    pooled: Array  # variance of a hit, pooled with that of the hits nearby
     unexplained: Array  # variance of a hit less the part that the constants of the budget explain
     dof: Array  # degrees of freedom of this variance
     weighing: Array  # sum of the squared weights of the hits
@@ -55,9 +57,9 @@ class SampledTests(AlignedArrays):
     dealt: Array
 
     aligned: ClassVar = (
-        *("has_result", "invalid", "u", "squares", "total", "unexplained", "dof", "weighing"),
-        *("wall_variance", "shots", "valid", "places", "full", "at_best", "valid_at_best"),
-        *("admitted", "boxes", "by_ball", "shares", "dealt"),
+        *("has_result", "invalid", "u", "squares", "total", "pooled", "unexplained", "dof"),
+        *("weighing", "wall_variance", "shots", "valid", "places", "full", "at_best"),
+        *("valid_at_best", "admitted", "boxes", "by_ball", "shares", "dealt"),
     )
 
     @classmethod
@@ -119,6 +121,7 @@ def sample_of(tested: BlockTest) -> SampledTests:
         u=metric.u,
         squares=np.stack([columns.get(name, np.zeros(count)) for name in names], axis=1),
         total=scatter.variance.total,
+        pooled=variance_of_hits(reduced, hit_weights, scatter.variance).total,
         unexplained=scatter.variance.unexplained,
         dof=scatter.variance.dof,
         weighing=scatter.weighing,
