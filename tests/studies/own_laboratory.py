@@ -2,7 +2,6 @@
 
     python -m tests.studies.own_laboratory scatter PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory rms PROCEDURE SEED LABORATORIES OUT.CSV
-    python -m tests.studies.own_laboratory rms-stated PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory budget PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory foreign PROCEDURE SEED LABORATORIES OUT.CSV
     python -m tests.studies.own_laboratory table OUT.CSV
@@ -10,7 +9,6 @@
 Each study appends its rows to the file, one laboratory per seed, the first of which is SEED.
 `scatter`: a scatter of the recovered sheets with its 95 % interval, and that of the tester's sheet.
 `rms`: rms of u over 1 000 tests by sheets recovered from five folders, and by those of the tester.
-`rms-stated`: the same, of a tester whose other numbers, which no record states, are the catalog's.
 `budget`: a type B line above 2 % of u, as rms over 1 000 tests by sheets recovered from a test in
 the laboratory of the catalog, and in the certificate of this test; low, high: 95 % of these tests.
 `foreign`: the same, of records of another laboratory that describes its rigs in its own words.
@@ -22,7 +20,7 @@ import csv
 import re
 import sys
 import tempfile
-from collections.abc import Iterator, Set
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -46,11 +44,8 @@ DENSITY_U = "density_u"  # a larger one gives air that no barometer shows
 SCALED = ("_u", "_scatter", "_jitter", "repeatability")  # endings of the keys that are scaled
 
 
-def write_tester(folder: Path, procedure: str, seed: int, stated: Set[str] | None = None) -> Path:
-    """Write a laboratory whose every u and scatter is 0.5 to 2 times that of the catalog.
-
-    If `stated` is given, only these keys of instruments and rigs are scaled, ``KIND/NAME KEY``.
-    """
+def write_tester(folder: Path, procedure: str, seed: int) -> Path:
+    """Write a laboratory whose every u and scatter is 0.5 to 2 times that of the catalog."""
     chance = np.random.default_rng(seed)
     setup = TestSetup.of("r161", procedure=procedure)
     rigs = setup.rigs.values()
@@ -62,9 +57,6 @@ def write_tester(folder: Path, procedure: str, seed: int, stated: Set[str] | Non
             for each in sheet.datums
             if each.key.endswith(SCALED) and each.key != DENSITY_U
         }
-        if stated is not None:
-            name = f"{sheet.kind}/{sheet.name}"
-            scaled = {key: each for key, each in scaled.items() if f"{name} {key}" in stated}
         (folder / sheet.kind).mkdir(parents=True, exist_ok=True)
         sheet.with_(scaled).save(folder / sheet.kind / f"{sheet.name}.toml")
     ball = vl.ball(setup.rules.spec.ball)
@@ -110,12 +102,6 @@ def sheet_of(row: OwnNumber) -> str:
     return re.sub("-cannon-(ball-wall|ball-cannon|astm-pivot)$", "-cannon", row.sheet)
 
 
-def keys_in_records(procedure: str, place: Path) -> set[str]:
-    """Return the keys of instruments and rigs that records state, ``KIND/NAME KEY``."""
-    tested = vl.certify("r161", procedure=procedure, seed=0).save(place / "usual")
-    return {f"{sheet_of(row)} {row.key}" for row in vl.laboratory(tested).rows}
-
-
 def sample_in(folder: Path, procedure: str, tests: int = 1000, seed: int = 77) -> SampledTests:
     """Return simulated tests with a result in the laboratory of a folder."""
     with catalog.sheets_in_place(texts_of(folder)):
@@ -128,10 +114,9 @@ def rms_u(folder: Path, procedure: str) -> float:
     return float(np.sqrt(np.mean(sample_in(folder, procedure).u ** 2)))
 
 
-def rms(procedure: str, seed: int, place: Path, *, every: bool = True) -> Iterator[Row]:
+def rms(procedure: str, seed: int, place: Path) -> Iterator[Row]:
     """Yield the rms of u by recovered sheets and by the tester's."""
-    stated = None if every else keys_in_records(procedure, place)
-    folder = write_tester(place / "tester", procedure, seed, stated)
+    folder = write_tester(place / "tester", procedure, seed)
     vl.laboratory(play(folder, procedure, seed, days=5)).save(place / "ours")
     yield "u", rms_u(place / "ours", procedure), None, None, rms_u(folder, procedure)
 
@@ -208,7 +193,6 @@ def main(study: str, procedure: str, first: int, laboratories: int, out: Path) -
 STUDIES = {
     "scatter": scatter,
     "rms": rms,
-    "rms-stated": partial(rms, every=False),
     "budget": budget,
     "foreign": partial(budget, foreign=True),
 }
