@@ -1,13 +1,15 @@
 """A setup that does not fit is refused before the first shot, in one line with the remedy."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
+import virtual_lab as vl
 from tests.laboratories import certify
-from virtual_lab import catalog
+from virtual_lab import catalog, lab
 from virtual_lab.errors import InputError
-from virtual_lab.lab.fitting import identities, require_camera
+from virtual_lab.lab.fitting import identities, require_ball, require_camera
 from virtual_lab.simulation.stations.rig import Reality, Stage, find_rig
 
 
@@ -59,9 +61,9 @@ def test_a_scan_off_the_bat_is_refused(change: tuple[str, str], said: str, tmp_p
         (
             (
                 "ball_restitution_low = { value = 0.525, unit",
-                "ball_restitution_low = { value = 0.552, unit",
+                "ball_restitution_low = { value = 0.554, unit",
             ),
-            "windows.ball_restitution = '0.552 to 0.555'; the mean baseball-2003 has 0.55, so",
+            "windows.ball_restitution = '0.554 to 0.555'; the mean baseball-2003 has 0.55, so",
         ),
         (
             (
@@ -78,6 +80,16 @@ def test_windows_without_the_nominal_ball_are_refused(
     """Windows that would reject nearly all of twelve balls are refused."""
     with pytest.raises(InputError, match=said):
         certify("r161", procedure=rules(tmp_path, "astm-f1881", change), seed=1)
+
+
+def test_a_mean_ball_just_outside_the_windows_is_accepted() -> None:
+    """A sound laboratory can measure a mean e0 that is off by less than the spread of balls."""
+    procedure = vl.procedure("astm-f1881")
+    for low, refused in ((0.5525, False), (0.5535, True)):
+        stricter = procedure.with_({"windows.ball_restitution_low": low})
+        setup = lab.TestSetup.of("r161", procedure=stricter)
+        with pytest.raises(InputError) if refused else nullcontext():
+            require_ball(setup.rules.spec, setup.ball.spec)
 
 
 def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:

@@ -102,19 +102,20 @@ def require_positions(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Raise `InputError` if mass or e0 of a mean ball is outside the limits of a procedure.
+    """Raise `InputError` if a procedure would reject most balls of a sheet for their mass or e0.
 
-    The masses and e0 of balls scatter around the values of their sheet. If such a value is outside
-    the limits, the procedure would reject most balls.
+    This is so if the mean of the sheet is outside the limits by more than one standard deviation
+    between balls. A mean closer to a limit is accepted, because a sound laboratory can measure it.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
-    for name, value, unit, unit_si in (
-        ("ball_mass", ball.mass, " oz", OUNCE),
-        ("ball_restitution", e0, "", 1.0),
+    for name, value, spread, unit, unit_si in (
+        ("ball_mass", ball.mass, ball.spread.mass, " oz", OUNCE),
+        ("ball_restitution", e0, ball.spread.restitution, "", 1.0),
     ):
         low, high = (getattr(windows, f"{name}_{end}") / unit_si for end in ("low", "high"))
-        if not low <= value / unit_si <= high:
+        margin = spread / unit_si
+        if not low - margin <= value / unit_si <= high + margin:
             raise InputError(
                 f"procedures/{procedure.name}",
                 f"windows.{name}",
