@@ -2,6 +2,7 @@
 
     python -m tests.studies.twin sound PROCEDURE LABORATORIES OUT.CSV
     python -m tests.studies.twin faulty PROCEDURE LABORATORIES OUT.CSV
+    python -m tests.studies.twin known PROCEDURE LABORATORIES
     python -m tests.studies.twin table ONE.CSV … OUT.CSV
 
 One row per laboratory: tail probability of each reading, number of full days, the readings unlike
@@ -10,6 +11,7 @@ laboratories of `faulty` each fault of the catalog that the rigs can have takes 
 smallest of the sizes `SIZES` with which it moves the metric by at least 3 u against the same day
 without it; faults that never do so have no row. The bat is an individual r161, or softball-34 for
 asa. A study that was cut goes on behind the rows that its file has. The twin sees records only.
+`known` prints the standard deviation on days of twins over that of the errors of 4 000 laboratories.
 `table` joins the files, and prints the tables of the page.
 """
 
@@ -25,6 +27,7 @@ from typing import Any
 
 import numpy as np
 
+import virtual_lab as vl
 from tests.laboratories import certify, setup_of
 from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
@@ -149,6 +152,22 @@ def faulty(
                 break
 
 
+def known(procedure: str, laboratories: int) -> float:
+    """Return the standard deviation of the metric on days of twins, divided by the known one.
+
+    The first is the rms over the twins of laboratories with the sheets of the catalog, the second
+    that of the errors of 4 000 such laboratories.
+    """
+    study = vl.coverage("r161", procedure=procedure, summed=True, laboratories=4000, seed=SEED)
+    metric = study.table.iloc[0]
+    variances = []
+    for _, certification in sound("r161", procedure, laboratories, 0):
+        playing = TwinDays.fit(Statement.of(certification), SEED)
+        (row, *_), _ = compare_quantities(certification, playing, 1000)
+        variances.append(row.error_sd**2)
+    return float(np.sqrt(np.mean(variances) / (metric.rms_error**2 - metric.bias**2)))
+
+
 def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
     """Return the columns of a laboratory that compare it with its twin."""
     shown = f"{certification.verdict.value}{' and flags' if certification.flags else ''}"
@@ -172,5 +191,7 @@ def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
 if __name__ == "__main__":
     if sys.argv[1] == "table":
         join(*map(Path, sys.argv[2:]))
+    elif sys.argv[1] == "known":
+        print(known(sys.argv[2], int(sys.argv[3])))
     else:
         main(sys.argv[1], sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))
