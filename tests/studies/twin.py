@@ -11,7 +11,7 @@ laboratories of `faulty` each fault of the catalog that the rigs can have takes 
 smallest of the sizes `SIZES` with which it moves the metric by at least 3 u against the same day
 without it; faults that never do so have no row. The bat is an individual r161, or softball-34 for
 asa. A study that was cut goes on behind the rows that its file has. The twin sees records only.
-`known` prints the standard deviation on days of twins over that of the errors of 4 000 laboratories.
+`known` prints the standard deviation on days of twins, over that of errors of 4 000 laboratories.
 `table` joins the files, and prints the tables of the page.
 """
 
