@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 import virtual_lab as vl
@@ -17,7 +18,7 @@ from virtual_lab.errors import InputError
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
 FIELDS = {"seal", "state", "altered", "differs", "unchecked", "sealing"}
-FIELDS |= {"faults", "sheets", "ignored"}
+FIELDS |= {"faults", "sheets", "ignored", "hits"}
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +47,16 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     assert metric["z"] == pytest.approx(error / metric["u"])
     answer, *_, seal, replay, sealing = scored.text.splitlines()
     inside = "inside" if metric["held"] else "outside"
-    assert f"by {error:+.4g}, which is {abs(metric['z']):.1f} of its standard" in answer
-    assert f"true value {metric['true_value']:.4g} is {inside} the 95 % interval" in answer
+    assert f"by {error:+.4f}, which is {abs(metric['z']):.1f} of its standard" in answer
+    assert f"true value {metric['true_value']:.4f} is {inside} the 95 % interval" in answer
+    shots = pd.read_csv(folder / "readings.csv").query("used")
+    true = json.loads((folder / "truth" / "truth.json").read_text())["shots"]
+    for hit, (shot, e_A) in zip(
+        document["hits"], shots[["shot", "collision_efficiency"]].to_numpy(), strict=True
+    ):
+        number = int(shot)
+        expected = {"value": e_A, "true_value": true["collision_efficiency"][number]}
+        assert hit == {"shot": number + 1} | {key: pytest.approx(expected[key]) for key in expected}
     assert (seal, replay) == ("The seal is intact.", "Played again: truth and records agree.")
     assert sealing == "sealed: random seed of 128 bits, stored only with the truth"
 

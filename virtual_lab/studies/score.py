@@ -26,7 +26,7 @@ from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress
 from virtual_lab.output.result import Json, StudyResult
-from virtual_lab.output.rounding import with_unit
+from virtual_lab.output.rounding import decimals, with_unit
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.records.origin import REHEARSAL
 from virtual_lab.studies.replay import compared_replay, play_again
@@ -86,13 +86,22 @@ class QuantityScore:
         """The error in one sentence."""
         if self.error is None or self.z is None:
             return f"The {self.quantity} has no error: its value or its uncertainty is missing."
-        inside = "inside" if self.held else "outside"
-        error = with_unit(self.error, self.unit, "+.4g")
+        inside, form = "inside" if self.held else "outside", f".{decimals(self.u or 0.0)}f"
+        error = with_unit(self.error, self.unit, f"+{form}")
         return (
             f"The certificate differs from the truth by {error}, which is {abs(self.z):.1f} of its "
             "standard uncertainties; the true value "
-            f"{with_unit(self.true_value, self.unit, '.4g')} is {inside} the 95 % interval."
+            f"{with_unit(self.true_value, self.unit, form)} is {inside} the 95 % interval."
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HitScore:
+    """Measured and true e_A of a hit of the result; the true one where the ball really hit."""
+
+    shot: int = column("shot", form="d")
+    value: float = column("e_A measured", form=".4f")
+    true_value: float = column("e_A true", form=".4f")
 
 
 def score(
@@ -149,6 +158,7 @@ class CertificateScore(StudyResult):
     unchecked: str = ""  # reason why the test was not played again, or not by the same program
     sealing: str | None = None  # statement on the safety of the seal against trying seeds
     rows: tuple[QuantityScore, ...] = ()  # empty if the certificate cannot be scored
+    hits: tuple[HitScore, ...] = ()
     faults: tuple[str, ...] = ()  # names of the faults of the test day in the catalog
     sheets: tuple[str, ...] = ()  # sheets of the test that the catalog does not have
     ignored: tuple[str, ...] = ()  # litter, see `virtual_lab.files.is_litter`
@@ -194,6 +204,7 @@ class CertificateScore(StudyResult):
         for row in rows.values():
             del row["quantity"]
         stated: dict[str, Any] = {name: getattr(self, name) for name in STATED}
+        stated["hits"] = [asdict(row) for row in self.hits]
         for state in ("altered", "differs"):
             stated[state] = [asdict(row) for row in self.different if row.state == state]
         return {**stated, **rows}
@@ -202,7 +213,7 @@ class CertificateScore(StudyResult):
     def text(self) -> str:
         """Error of the metric, all scores, state of seal and replay, and remarks on the test."""
         lack = "too many keys were changed" if self.different else "the test has no result"
-        table = ["", table_text(self.rows), ""] if self.rows else []
+        table = ["", table_text(self.rows), "", table_text(self.hits), ""] if self.rows else []
         lines = [self.rows[0].words if self.rows else f"no score: {lack}", *table]
         lines.append(f"The seal is {'broken' if self.broken else 'intact'}.")
         if self.state == "whole":
@@ -268,13 +279,26 @@ def _score_files(
     """
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
-        json.dumps([asdict(row) for row in rows], allow_nan=False)  # rejects NaN and infinity
+        true = truth["shots"]["collision_efficiency"] if rows else []
+        hits = tuple(
+            HitScore(
+                shot=each["shot"] + 1,
+                value=each["rebound_efficiency"]
+                if each["recoil_efficiency"] is None
+                else each["recoil_efficiency"],
+                true_value=true[each["shot"]],
+            )
+            for each in certificate["shots"]
+            if true and each["used"]
+        )
+        json.dumps([*map(asdict, rows), *map(asdict, hits)], allow_nan=False)  # rejects NaN, inf
         return {
             "sealing": certificate["simulation"].get("sealing"),
             "rows": rows,
+            "hits": hits,
             "faults": tuple(map(str, truth.get("faults", ()))),
         }
-    except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
         raise InputError(
             str(folder),
             str(fault).strip("'"),
