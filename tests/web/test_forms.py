@@ -25,6 +25,7 @@ COMMANDS = {name: each for name, each in every_command().items() if name != "ope
 FOLDED = {"seed", "operator_seed", "workers"}
 OF_SHELL = re.compile(
     r"--\w|\[SI\]|several times|exit code|vl\.|virtual-lab|`"
+    r"|catalog or (?:a )?\.toml|x,y|first:last"
     r"|\b(?:FOLDER|FILE|NAME|NUMBER|TEXT|BALL\||X,Y|FIRST:LAST|KIND:)|\b(?!e_A|v_f)\w+_\w+"
 )
 

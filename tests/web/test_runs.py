@@ -103,11 +103,13 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
 
 
 def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
-    page = finish(visitor, "show", b"name=r162")
+    page = finish(visitor, "show", b"name=r162&toml=yes")
     assert "“r162” cannot be used: did you mean r161?" in words_of(page)
     again = visitor.ask("/form/show?run=1").text
     assert "“r162” cannot be used" in re.search(r'id="f-name-fault">(.*?)<', again)[1]
-    assert "1 more" in words_of(visitor.ask("/"))
+    start = words_of(visitor.ask("/"))
+    assert "1 more" in start
+    assert "show r162, toml," in start  # a box that is ticked has its title
 
 
 def test_forms_that_were_filled_in_lead_to_their_certificate(visitor: Visitor) -> None:

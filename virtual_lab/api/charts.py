@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def chart(part: ChartedPart, *, progress: Progress = quiet) -> SpeedChart:
-    """Return a chart of error and run time of the models of a part.
+    """Show error and run time of the models of a part.
 
     A part of the laboratory has several models or methods.
 
@@ -35,7 +35,7 @@ def chart(part: ChartedPart, *, progress: Progress = quiet) -> SpeedChart:
 
 
 def stability(part: StablePart, *, progress: Progress = quiet) -> StabilityMap:
-    """Return maps of the conditions under which numerical methods are valid.
+    """Show the conditions under which numerical methods are valid.
 
     Each cell of a map has a state, such as good, inaccurate or unstable. In the maps of the
     collision, a cell is marked as refused if the program rejects its settings.

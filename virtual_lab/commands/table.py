@@ -148,7 +148,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
     "Camera": (
         Command(
             "track",
-            example="clip.mp4 --ball 73mm --phone",
+            example="clip.mp4 --ball 73mm --phone --fps 240",
             question="How fast is the ball in my clip?",
             output=Output(folder=_beside_the_clip, picture=True),
         ),

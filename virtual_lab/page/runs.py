@@ -21,6 +21,7 @@ from virtual_lab.commands.running import check_target
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free, new_folder, parse_toml, read_text
 from virtual_lab.page.fields import RUNS, is_new, offered, texts
+from virtual_lab.page.wording import title_of
 from virtual_lab.page.working import (
     BLANK,
     CALL,
@@ -60,7 +61,11 @@ class StartedRun:
     def stated(self) -> str:
         """The given values in one line, without what the page chose."""
         values = {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
-        return ", ".join(Path(text).name for each in values.values() for text in texts(each))[:80]
+        return ", ".join(
+            title_of(key).lower() if each is True else Path(text).name
+            for key, each in values.items()
+            for text in texts(each)
+        )[:80]
 
     @cached_property
     def outcome(self) -> dict[str, Any]:

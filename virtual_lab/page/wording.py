@@ -14,6 +14,7 @@ from virtual_lab.files import parse_toml
 from virtual_lab.parameters import ParameterRule
 
 WORDS = parse_toml((DATA / "page" / "words.toml").read_text("utf-8"), "words.toml")
+OFFERED = ", from the catalog or a file of your own in the folder above"  # for names and files
 
 
 def title_of(key: str) -> str:
@@ -34,13 +35,15 @@ def plain(words: str) -> str:
 
     The further paragraphs speak to programmers.
     """
-    return re.sub(
-        r"``(.*?)``|`~?(.*?)`", _name, " ".join(words.split("\n\n", maxsplit=1)[0].split())
-    )
+    text = " ".join(words.split("\n\n", maxsplit=1)[0].split())
+    text = re.sub(r":( a name| names) in the catalog or( a)? \.toml files?", OFFERED, text)
+    return re.sub(r"``(.*?)``|`~?(.*?)`", _name, text)
 
 
-def notes(each: ParameterDescription, choices: Collection[object]) -> str:
+def notes(command: Command, each: ParameterDescription, choices: Collection[object]) -> str:
     """Return the words below the control of a parameter: its description and its limits."""
+    if told := WORDS["notes"].get(command.name, {}).get(each.name):
+        return str(told)
     allowed = "" if choices else limits(each.rule.several or each.rule)
     return f"{plain(each.words)} {allowed and f'Allowed: {allowed}.'}".strip()
 

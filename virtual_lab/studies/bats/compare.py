@@ -151,7 +151,7 @@ def profile(
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
 ) -> BatProfile | BatComparison:
-    """Show e_A, v_f and more along the barrel.
+    """Show how hard a bat hits along the barrel.
 
     e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
     batted-ball speed. For one bat, the result has curves, modal frequencies and nodes. For several

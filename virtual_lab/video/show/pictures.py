@@ -173,7 +173,7 @@ class Pictures:
             for axes, off in ((along, some["along_px"]), (across, some["across_px"])):
                 axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
         speed.set_ylim(bottom=0.0)
-        across.set_xlabel("time, s (bars: u)")
+        across.set_xlabel("time, s (bars: u; 1 m/s = 2.24 mph)")
         for axes, label in (
             (place, "place, m\n(- -: right, —: up)"),
             (speed, "speed\nalong the fit, m/s"),
