@@ -32,6 +32,7 @@ extensions = [
     "building.generated",
     "building.kinds",
     "building.offline",
+    "building.processes",
     "building.streams",
 ]
 exclude_patterns = [
