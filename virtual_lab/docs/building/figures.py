@@ -1,6 +1,7 @@
 """The figures of the gallery: their style, and the function with which the gallery saves them."""
 
 import ast
+import gc
 from pathlib import Path
 from threading import TIMEOUT_MAX
 from typing import Any
@@ -40,6 +41,7 @@ def reset(_gallery_conf: dict[str, Any], _script: str) -> None:
 
     The gallery calls this function before each script. Both arguments are ignored.
     """
+    gc.freeze()  # the gallery collects garbage before each script, among all objects of Sphinx
     progress.PIPE_STEP = TIMEOUT_MAX
     plt.close("all")
     mpl.rc_file(STYLE)

@@ -5,6 +5,7 @@ copies (fork) run the kernels and commands. `python -m building.processes` is th
 """
 
 import atexit
+import gc
 import json
 import os
 import shutil
@@ -44,6 +45,7 @@ def _serve(listener: socket.socket) -> None:
     for name in ("matplotlib.backends.backend_agg", "ipykernel.kernelapp", "virtual_lab.cli"):
         import_module(name)
     vl.certify("r161", progress=lambda *_: None).plot()
+    gc.freeze()  # a copy's garbage collection skips all this
     try:
         while os.getppid() == build:  # a build that is killed sends no signal
             try:
