@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import time
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
@@ -38,9 +39,13 @@ def test_the_door_is_shut_to_strangers_and_large_forms(visitor: Visitor) -> None
         paths = ["/", f"/?token={TOKEN}"] * 20
         answers = list(pool.map(lambda path: visitor.ask(path, cookie="").status, paths))
     assert answers == [403] * 40
+    assert visitor.door.last_request == 0  # strangers do not keep the page open
     for path in ("/run/1", "/run/1/file?name=../secret.txt", "/form/x", "/nowhere"):
         assert visitor.ask(path).status == 404
     assert visitor.ask("/").status == 200
+    began = time.monotonic()
+    assert visitor.ask("/icon.svg").status == 200  # as an open page asks once per minute
+    assert began <= visitor.door.last_request
     assert (list(visitor.page.folder.iterdir()), visitor.quits) == ([], [])
 
 

@@ -44,7 +44,8 @@ def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress 
     closed: list[bool] = []
     page = Page(path, lambda: closed.append(True))
     hosts = frozenset({f"{LOOPBACK}:{port}", f"localhost:{port}"})
-    server = server_of(page_application(page, token, hosts))
+    door, began = page_application(page, token, hosts), time.monotonic()
+    server = server_of(door)
     thread = start(server, listener)
     address = f"http://{LOOPBACK}:{port}/?token={token}"
     said = f"open {address} once, in one browser; results are in {path}; Ctrl-C ends the page"
@@ -52,7 +53,9 @@ def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress 
     if browser:
         webbrowser.open(address)
     try:
-        while not closed and (page.runs.workers or time.monotonic() - page.last_request < IDLE):
+        while not closed and (
+            page.runs.workers or time.monotonic() < IDLE + max(began, door.last_request)
+        ):
             time.sleep(STEP)
     finally:
         page.runs.end()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import time
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
@@ -43,16 +42,14 @@ SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows
 
 
 class Page:
-    """The page of one folder, and the time of its last request."""
+    """The page of one folder."""
 
     def __init__(self, folder: Path, quit_now: Callable[[], None]) -> None:
         self.folder, self.runs, self.quit_now = folder, Runs(folder), quit_now
-        self.last_request = time.monotonic()
         self.commands = every_command()
 
     def render(self, name: str, status: int = 200, **values: Any) -> Response:
         """Return a page made from a template."""
-        self.last_request = time.monotonic()
         template = page_template(PACKAGE, name, "virtual_lab.web")
         html = template.render(
             folder=self.folder,
@@ -153,17 +150,11 @@ class Page:
 
     def progress(self, request: Request) -> Response:
         """Return the progress of a run as JSON."""
-        self.last_request = time.monotonic()
         run = self._run(request)
         counted = re.search(r": +(\d+) of (\d+)", run.progress)
         done, total = map(int, counted.groups()) if counted else (0, 0)
         state = {"live": run.live, "line": run.progress, "done": done, "total": total}
         return JSONResponse(state)
-
-    def alive(self, _: Request) -> Response:
-        """Take note that a page is open."""
-        self.last_request = time.monotonic()
-        return Response(status_code=204)
 
     def file(self, request: Request) -> Response:
         """Return a file of a result; a page or picture to be shown, anything else to be kept."""
@@ -217,6 +208,13 @@ class Page:
 class PageDoor(Door):
     """The door of the page, through which large files come to one address only."""
 
+    @property
+    def last_request(self) -> float:
+        """Time of the last request of the user [s], 0 without one."""
+        # another thread appends to the times, so none are iterated
+        times = [seat.request_times for seat in list(self.seats.values())]
+        return max([0.0, *(each[-1] for each in times if each)])
+
     def largest_body(self, request: Request) -> int:
         """Return the largest length of a request [B]."""
         return LARGEST_UPLOAD if request.url.path == "/upload" else super().largest_body(request)
@@ -234,7 +232,6 @@ def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
         return await run_in_threadpool(page.begin, request, form)
 
     async def upload(request: Request) -> Response:
-        page.last_request = time.monotonic()
         try:
             path = await receive(request, page.folder)
         except InputError as fault:
@@ -253,7 +250,6 @@ def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
         Route("/run/{number:int}/file", page.file),
         Route("/run/{number:int}/zip", page.zipped),
         Route("/run/{number:int}/cancel", page.cancel, methods=["POST"]),
-        Route("/alive", page.alive),
         Route("/clip", page.clip),
         Route("/upload", upload, methods=["POST"]),
         Route("/quit", page.quit, methods=["POST"]),

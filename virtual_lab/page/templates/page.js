@@ -11,12 +11,11 @@ async function follow() {
   if (state.total) Object.assign(one("progress"), { max: state.total, value: state.done });
   setTimeout(follow, 1000);
 }
-if (running) setTimeout(follow, 500); else setInterval(() => fetch("/alive").catch(() => 0), 60000);
+if (running) setTimeout(follow, 500); else setInterval(() => fetch("/icon.svg", { cache: "reload" }).catch(() => 0), 60000);
 // a page in full height, and its print
 all("iframe").forEach(frame => {
   const whole = () => frame.contentDocument.documentElement;
   addEventListener("load", () => new ResizeObserver(() => { frame.style.height = `${whole().offsetHeight + 24}px`; }).observe(whole()));
-  one("[data-print]").hidden = false;
   one("[data-print]").addEventListener("click", () => frame.contentWindow.print());
 });
 // uploads with progress
@@ -51,7 +50,6 @@ async function upload(input, place) {
   bar.hidden = true;
 }
 all(".upload").forEach(place => {
-  place.hidden = false;
   place.addEventListener("change", ({ target }) => target.files.length && upload(target, place));
 });
 // a clip: points set in its frames become fields of the form, or correct the track of a result
