@@ -166,7 +166,8 @@ def faults(
 ) -> FaultTable:
     """Show which faults are noticed.
 
-    Each fault is simulated in many laboratories. Detection and bias are compared with predictions.
+    Each fault is simulated in many laboratories. Detection and bias are compared with predictions,
+    which are those for the laboratory of the catalog.
 
     Parameters
     ----------
