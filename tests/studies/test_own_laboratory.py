@@ -25,6 +25,13 @@ from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import INCH
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
+TESTS = ball.TESTS
+
+
+@pytest.fixture(autouse=True)
+def few_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let few simulated tests find the scatter of the hits, which most tests here do not need."""
+    monkeypatch.setattr(ball, "TESTS", 64)
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
@@ -243,19 +250,19 @@ def test_recovered_hits_scatter_as_those_of_the_tester(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four days of a laboratory whose hits scatter more at the wall than at the bat."""
+    monkeypatch.setattr(ball, "TESTS", TESTS)
     monkeypatch.setattr(ball, "LUCK", "{0}: {1}, rms {2:.5g} {3}")
     tester = write_tester(tmp_path / "tester", "astm-f1881", seed=4)
     sheet = vl.Sheet.of("balls", tester / "balls/baseball-2003.toml")
     true = {each.key: each.value for each in sheet.datums}
     days = play(tester, "astm-f1881", seed=9, days=4)
-    ours = vl.laboratory(days)
+    ours, alone = vl.laboratory(days), vl.laboratory(days[0])
     rows = {row.key: row for row in ours.rows if row.sheet == "balls/baseball-2003"}
     for key in ("hit_restitution", "bat_hit_restitution", "restitution", "mass"):
         row = rows[f"spread.{key}"]
         assert row.low is not None
         assert row.high is not None
         assert row.low < true[f"spread.{key}"] < row.high, key
-        alone = vl.laboratory(days[0])
         (first,) = (each for each in alone.rows if each.key == f"spread.{key}")
         assert first.low is not None
         assert first.high is not None
@@ -283,8 +290,11 @@ def test_hits_near_the_best_position_of_a_scan_show_the_scatter_too() -> None:
     assert simulated == pytest.approx(variance, rel=0.02)  # records of a test are rounded
 
 
-def test_hits_at_the_bat_scatter_by_the_error_of_e0_of_their_ball_too() -> None:
+def test_hits_at_the_bat_scatter_by_the_error_of_e0_of_their_ball_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Hits at the wall scatter twice as usual, and those at the bat half as much."""
+    monkeypatch.setattr(ball, "TESTS", TESTS)
     document, true = vl.ball("baseball-2003").document, {"wall": 0.0074, "bat": 0.0018}
     rules = lab.TestSetup.of("r161", procedure="astm-f1881").rules
 
