@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom
 
 from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
 from virtual_lab.lab.measurand import STANDARD_BALL, true_curve
@@ -104,6 +103,8 @@ class CoverageTable(Rows[Coverage]):
 
     def draw(self) -> PageFigure:
         """Draw the coverage of each quantity, and of the metric by tenths of the laboratories."""
+        from scipy.stats import binom  # takes half a second to load
+
         shares = np.array(
             [(row.coverage, row.coverage_low, row.coverage_high) for row in self.rows]
         )

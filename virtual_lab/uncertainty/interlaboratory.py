@@ -258,9 +258,9 @@ def cochran_limit(groups: int, dof: int, level: float) -> float:
     degrees of freedom. By chance, the statistic exceeds the limit with a probability of `level`.
     The limit is NaN for a single group.
     """
-    from scipy.stats import f
+    from scipy.special import fdtri  # scipy.stats would take another half second to load
 
-    return float(1 / (1 + (groups - 1) / f.isf(level / groups, dof, dof * (groups - 1))))
+    return float(1 / (1 + (groups - 1) / fdtri(dof, dof * (groups - 1), 1 - level / groups)))
 
 
 def grubbs_limit(groups: int, level: float) -> float:
@@ -280,11 +280,11 @@ def h_limit(groups: int, level: float) -> float:
     deviation of the means. By chance, |h| exceeds the limit with a probability of `level`. The
     limit is NaN for fewer than three groups.
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     if groups < 3:
         return np.nan
-    square = float(t.isf(level / 2, groups - 2)) ** 2
+    square = float(stdtrit(groups - 2, level / 2)) ** 2
     return (groups - 1) * sqrt(square / (groups * (groups - 2 + square)))
 
 
@@ -295,6 +295,6 @@ def k_limit(groups: int, dof: int, level: float) -> float:
     deviation of all groups. Each group has `dof` degrees of freedom. By chance, k exceeds the limit
     with a probability of `level`. The limit is NaN for a single group.
     """
-    from scipy.stats import f
+    from scipy.special import fdtri
 
-    return sqrt(groups / (1 + (groups - 1) / f.isf(level, dof, dof * (groups - 1))))
+    return sqrt(groups / (1 + (groups - 1) / fdtri(dof, dof * (groups - 1), 1 - level)))

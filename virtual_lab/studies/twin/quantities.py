@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification
@@ -38,7 +38,7 @@ class TwinQuantity:
     def of(cls, quantity: str, value: float, u: float, errors: Array) -> TwinQuantity:
         """Return the row of a quantity from the errors of the days, (day,)."""
         sd, dof = float(errors.std(ddof=1)), errors.size - 1
-        low, high = (sd * float(np.sqrt(dof / chi2.ppf(p, dof))) for p in (0.975, 0.025))
+        low, high = (sd * float(np.sqrt(dof / chdtri(dof, p))) for p in (0.025, 0.975))
         finding = "right"
         if u < low * (1 - TOLERANCE):
             finding = "too small"
