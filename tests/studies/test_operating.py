@@ -12,7 +12,7 @@ import virtual_lab as vl
 from virtual_lab.output.progress import quiet
 from virtual_lab.studies.operating import POINTS, _acceptance
 
-LABORATORIES = 40
+LABORATORIES, FEW = 40, 3
 TIGHT = vl.procedure("astm-f1881").with_(attempts=6)  # one rejected hit makes a test INVALID
 
 
@@ -26,8 +26,10 @@ def found() -> object:
 
 @pytest.fixture(scope="module")
 def wood() -> object:
-    """Return the curves of an exempt bat: the search of variants takes 15 s."""
-    return vl.operating("r161", procedures="bbcor", laboratories=300, progress=quiet)
+    """Return the curves of an exempt bat, at few points: the search of a variant takes a second."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("virtual_lab.studies.operating.POINTS", FEW)
+        return vl.operating("r161", procedures="bbcor", laboratories=300, progress=quiet)
 
 
 def points(found, best_of: int, procedure: str = TIGHT.name) -> list:
@@ -169,7 +171,7 @@ def test_counted_bats_agree_with_their_predictions() -> None:
 
 def test_a_row_has_the_errors_of_a_bat_with_its_metric(wood) -> None:
     """A sheet with the named factor has the metric of its row, and passes as often in a sweep."""
-    row = points(wood, 1, "bbcor")[POINTS]
+    row = points(wood, 1, "bbcor")[FEW]
     name, factor = row.errors_of.split(", modulus × ")
     assert name == "r161"
     moduli = {"youngs_modulus": 16.521, "shear_modulus": 0.965}
