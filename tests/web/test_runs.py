@@ -150,6 +150,8 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
 def test_a_result_without_a_sentence_has_its_first_line() -> None:
     flagged = {"flags": ["LATE"], "warnings": ["late by 2 s"]}
     certified = {"flags": [{"name": "drift", "sentence": "long"}]}
-    for document, flags in (({}, []), (flagged, ["LATE", "late by 2 s"]), (certified, ["drift"])):
+    cases = ({}, [], []), (flagged, ["LATE"], ["late by 2 s"]), (certified, ["drift"], [])
+    for document, flags, warnings in cases:
         result = Answer(document=document, text="\n slope of e_A\nmore")
-        assert answer_of(result) == {"answer": "Slope of e_A", "flags": flags}
+        said = {"answer": "Slope of e_A", "flags": flags, "warnings": warnings}
+        assert answer_of(result) == said

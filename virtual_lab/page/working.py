@@ -23,7 +23,7 @@ from virtual_lab.page.wording import field_name, refusal
 CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
 BLANK: dict[str, Any] = {  # an outcome without a result
     **dict.fromkeys(("answer", "text", "refused", "field", "shell", "python"), ""),
-    **dict.fromkeys(("flags", "written", "missing"), ()),
+    **dict.fromkeys(("flags", "warnings", "written", "missing"), ()),
     "seconds": 0.0,
 }
 
@@ -86,12 +86,13 @@ def carry_out_run(path: Path) -> None:
 
 
 def answer_of(result: Any) -> dict[str, Any]:
-    """Return the answer of a result, its first line, and its flags with warnings."""
+    """Return the answer of a result, its first line, its flags, and its warnings."""
     sentence, document = result.text.strip().partition("\n")[0] or "Done", result.document
     flags = document.get("flags", []) if isinstance(document, dict) else []
     names = [each["name"] if isinstance(each, dict) else each for each in flags]
     warnings = document.get("warnings", []) if flags else []
-    return {"answer": sentence[:1].upper() + sentence[1:], "flags": [*names, *warnings]}
+    answer = sentence[:1].upper() + sentence[1:]
+    return {"answer": answer, "flags": names, "warnings": warnings}
 
 
 def write_json(path: Path, content: object) -> None:
