@@ -438,7 +438,7 @@ def _method(certification: Certification, metric: Budget) -> str:
     outcome, printed = next(iter(finer.outcomes.values())), METRICS[certification.procedure.metric]
 
     def format_value(value: float, form: str) -> str:
-        return f"{printed.in_unit(value):{form}} {printed.unit}".rstrip()
+        return printed.text(lambda size: f"{value / size:{form}}")
 
     shift = format_value(outcome.shift, "+.2g")
     if outcome.convergence is None:

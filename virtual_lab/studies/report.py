@@ -18,7 +18,7 @@ from virtual_lab.files.tables import write_csv
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import StudyResult
-from virtual_lab.output.rounding import decimals, digits, with_axis_unit
+from virtual_lab.output.rounding import decimals, digits, with_axis_unit, with_unit
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, description_of, figure
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.output.template import page_template
@@ -172,10 +172,13 @@ class CertificateReport(StudyResult):
             values, us = zip(*results, strict=True)
             rms = sqrt(fmean(u**2 for u in us))
             first = self.rows[0]
+            mean, spread = (
+                with_unit(each, first.unit, form)
+                for each, form in ((fmean(values), ".4f"), (stdev(values), ".2g"))
+            )
             sentences.append(
-                f"{first.metric} {fmean(values):.4f} {first.unit}".rstrip()
-                + f" is the mean of {len(results)} results; their standard deviation is "
-                f"{stdev(values):.2g}, which is {stdev(values) / rms:.2g} times their rms u"
+                f"{first.metric} {mean} is the mean of {len(results)} results; their standard "
+                f"deviation is {spread}, which is {stdev(values) / rms:.2g} times their rms u"
             )
             if self.kind == KINDS["laboratories"][0]:
                 bat = first.bat.split(" ")[0]  # without its serial number

@@ -54,7 +54,7 @@ class RehearsedDay:
         debrief, metric, titles = self.debrief, METRICS[self.debrief.metric], fault_titles()
 
         def change(value: float) -> str:
-            return f"{metric.in_unit(value):+.4f} {metric.unit}".rstrip()
+            return metric.text(lambda size: f"{value / size:+.4f}")
 
         because = f": {debrief.right_because}" if debrief.right_because else ""
         lines = [
