@@ -218,7 +218,6 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "false_alarms": _M("faults that were named but not there, separated by blanks", WORDS),
     "time_min": _M("time of the day", "min"),
     "shots": _M("number of shots", WORDS),
-    "shot": _M("number of the shot, from 1", WORDS),
     "curve": _M("score or fault of a learning curve", WORDS),
     "mean_so_far": _M("mean of the value up to this day"),
     "operator": _M("name of the simulated operator", WORDS),

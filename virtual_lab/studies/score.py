@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,15 +96,6 @@ class QuantityScore:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HitScore:
-    """Measured and true e_A of a hit of the result; the true one where the ball really hit."""
-
-    shot: int = column("shot", form="d")
-    value: float = column("e_A measured", form=".4f")
-    true_value: float = column("e_A true", form=".4f")
-
-
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
 ) -> dict[str, QuantityScore]:
@@ -149,6 +141,15 @@ def score(
     }
 
 
+def hit_scores(certificate: Mapping[str, Any], truth: Mapping[str, Any]) -> Iterator[QuantityScore]:
+    """Yield the e_A of each hit of the result; the true one is that where the ball really hit."""
+    for each in filter(itemgetter("used"), certificate["shots"]):
+        recoil, rebound, shot = each["recoil_efficiency"], each["rebound_efficiency"], each["shot"]
+        measured = {"value": rebound if recoil is None else recoil, "u": None}
+        name = f"collision_efficiency_shot_{shot + 1}"
+        yield QuantityScore.of(name, measured, truth["shots"]["collision_efficiency"][shot])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CertificateScore(StudyResult):
     """A certificate compared with the truth, and whether all files still belong to one test."""
@@ -158,7 +159,6 @@ class CertificateScore(StudyResult):
     unchecked: str = ""  # reason why the test was not played again, or not by the same program
     sealing: str | None = None  # statement on the safety of the seal against trying seeds
     rows: tuple[QuantityScore, ...] = ()  # empty if the certificate cannot be scored
-    hits: tuple[HitScore, ...] = ()
     faults: tuple[str, ...] = ()  # names of the faults of the test day in the catalog
     sheets: tuple[str, ...] = ()  # sheets of the test that the catalog does not have
     ignored: tuple[str, ...] = ()  # litter, see `virtual_lab.files.is_litter`
@@ -204,7 +204,6 @@ class CertificateScore(StudyResult):
         for row in rows.values():
             del row["quantity"]
         stated: dict[str, Any] = {name: getattr(self, name) for name in STATED}
-        stated["hits"] = [asdict(row) for row in self.hits]
         for state in ("altered", "differs"):
             stated[state] = [asdict(row) for row in self.different if row.state == state]
         return {**stated, **rows}
@@ -213,7 +212,7 @@ class CertificateScore(StudyResult):
     def text(self) -> str:
         """Error of the metric, all scores, state of seal and replay, and remarks on the test."""
         lack = "too many keys were changed" if self.different else "the test has no result"
-        table = ["", table_text(self.rows), "", table_text(self.hits), ""] if self.rows else []
+        table = ["", table_text(self.rows), ""] if self.rows else []
         lines = [self.rows[0].words if self.rows else f"no score: {lack}", *table]
         lines.append(f"The seal is {'broken' if self.broken else 'intact'}.")
         if self.state == "whole":
@@ -279,23 +278,11 @@ def _score_files(
     """
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
-        true = truth["shots"]["collision_efficiency"] if rows else []
-        hits = tuple(
-            HitScore(
-                shot=each["shot"] + 1,
-                value=each["rebound_efficiency"]
-                if each["recoil_efficiency"] is None
-                else each["recoil_efficiency"],
-                true_value=true[each["shot"]],
-            )
-            for each in certificate["shots"]
-            if true and each["used"]
-        )
-        json.dumps([*map(asdict, rows), *map(asdict, hits)], allow_nan=False)  # rejects NaN, inf
+        rows += tuple(hit_scores(certificate, truth)) if rows else ()
+        json.dumps([asdict(row) for row in rows], allow_nan=False)  # rejects NaN and infinity
         return {
             "sealing": certificate["simulation"].get("sealing"),
             "rows": rows,
-            "hits": hits,
             "faults": tuple(map(str, truth.get("faults", ()))),
         }
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
