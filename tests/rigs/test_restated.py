@@ -1,10 +1,12 @@
 """Data sheets read from raw records, against the sheets of the instruments that wrote them."""
 
+import numpy as np
 import pytest
 
 from tests.laboratories import opened
 from virtual_lab import lab
 from virtual_lab.lab.laboratory import constant_name
+from virtual_lab.records import AimMarks
 from virtual_lab.simulation.instruments import FittedStation
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Stage
@@ -52,3 +54,16 @@ def test_the_records_of_a_day_show_the_sheets_of_its_instruments(procedure) -> N
     assert isinstance(bench, FittedStation)
     shown = bench.numbers_in(day.collect_records().records["bench"], {})
     assert shown == {"repeats": bench.spec.repeats, "releases": bench.spec.releases}
+
+
+def test_two_marks_show_a_scatter_and_one_mark_none() -> None:
+    """Marks 1 and 3 mm from the aim have a standard deviation of √2 mm."""
+    laboratory = opened("r161", procedure="astm-f1881")
+    _, cannon = laboratory.stations[Stage.IMPACT].parts()["cannon"]
+    spec = cannon.spec
+    along = np.array([1e-3, 3e-3])
+    two, one = (AimMarks(along=along[:count], across=along[:count]) for count in (2, 1))
+    shown = spec.numbers_in([two], {})
+    assert (shown["marks"], shown["mark_resolution"]) == (2, 0)
+    assert shown["along_scatter"].value == pytest.approx(2e-3 / np.sqrt(2))
+    assert spec.numbers_in([one], {}) == {}
