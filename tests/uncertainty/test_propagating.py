@@ -228,6 +228,18 @@ def test_correlated_inputs_have_the_fewest_dof_among_them() -> None:
     assert result.dof == pytest.approx(5 * ((block + 0.01) / block) ** 2)
 
 
+def test_a_budget_states_the_share_of_correlations() -> None:
+    """GUM 5.2.2: u² of x - y is .01² + .02² less twice the covariance, and 0 where both cancel."""
+    inputs = {"x": vl.Input(3, 0.01), "y": vl.Input(2, 0.02)}
+    result = vl.propagate(lambda x, y: x - y, inputs, correlations={("x", "y"): 0.5})
+    assert result.u**2 == pytest.approx(3e-4)
+    shares = result.budget.set_index("component")["share_percent"].to_dict()
+    assert shares == pytest.approx({"x": 100 / 3, "y": 400 / 3, "correlations": -200 / 3})
+    same = vl.propagate(lambda x, y: 2 * x - y, inputs, correlations={("x", "y"): 1.0})
+    assert same.u == 0
+    assert "the errors of its correlated inputs cancel" in same.text
+
+
 def test_readings_count_by_their_scatter() -> None:
     readings = [1.2, 1.5, 1.1, 1.9]
     result = vl.propagate(lambda x, k: k * x, {"x": readings, "k": 2.0})

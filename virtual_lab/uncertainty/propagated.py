@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+CORRELATIONS = "correlations"  # row of a budget
 LAST_BITS = 2.0**-44  # share of a value below which a difference is a rounding error
 
 
@@ -51,6 +52,7 @@ class Outcome:
     interval: tuple[float, float]
     shift: float  # shift of the mean by the curvature of all inputs
     components: tuple[Component, ...]
+    covariance: float = 0.0  # part of u² that the correlations of the inputs add, to first order
     shortest: tuple[float, float] | None = None  # shortest interval, by draws
     convergence: Convergence | None = None
     verdict: str = ""  # whether the first-order result is valid (JCGM 101, clause 8)
@@ -122,18 +124,26 @@ class Propagated:
 
     @property
     def budget(self) -> pd.DataFrame:
-        """Table with one row per pair of input and output, the largest share of an output first."""
+        """Table with one row per pair of input and output, the largest share of an output first.
+
+        If inputs are correlated, a last row has the share of their covariances, which may be below
+        0.
+        """
         import pandas as pd
 
         rows = []
         for outcome in self.outcomes.values():
-            total = sum(part.contribution**2 for part in outcome.components)
+            covariance = outcome.covariance
+            total = sum(part.contribution**2 for part in outcome.components) + covariance
             for part in sorted(outcome.components, key=lambda each: -each.contribution):
                 row = {"output": outcome.name, "component": part.name}
                 for key in ("value", "u", "dof", "evaluation", "sensitivity", "contribution"):
                     row[key] = getattr(part, key)
                 share = 100 * part.contribution**2 / total if total else 0.0
                 rows.append(row | {"share_percent": share})
+            if covariance:
+                row = {"output": outcome.name, "component": CORRELATIONS}
+                rows.append(row | {"share_percent": 100 * covariance / total if total else 0.0})
         return with_units(pd.DataFrame(rows))
 
     @property

@@ -152,10 +152,8 @@ def first_order(model: Model, probability: float) -> Propagated:
         components = variants.components(values[None])
         turned = _independent(components, inputs)
         budgets = combine_components(values[:1], turned)
-        u, dof = (
-            without_rounding(float(budgets.u[0]), float(values[0])),
-            float(budgets.dof[0]),
-        )
+        u, dof = without_rounding(float(budgets.u[0]), float(values[0])), float(budgets.dof[0])
+        parts = combine_components(values[:1], components).row(0)
         outcomes[name] = Outcome(
             name=name,
             value=float(values[0]),
@@ -163,7 +161,8 @@ def first_order(model: Model, probability: float) -> Propagated:
             dof=dof,
             interval=_interval(float(values[0]), u, dof, probability),
             shift=float(components.shift.sum()),
-            components=combine_components(values[:1], components).row(0).components,
+            components=parts.components,
+            covariance=u**2 - parts.u**2 if inputs.joints else 0.0,
         )
         effects.append(turned.effect[0])
     return Propagated(
@@ -285,6 +284,8 @@ def _with_zeros(linear: Propagated) -> Propagated:
 
 
 def _u_is_zero(outcome: Outcome) -> str:
+    if outcome.covariance:
+        return f"u of {outcome.name} is 0, because the errors of its correlated inputs cancel"
     if outcome.shift == 0:
         return f"u of {outcome.name} is 0, because no input changes it within the u of the input"
     return (
