@@ -271,7 +271,7 @@ def test_a_test_without_a_result_states_the_reason(tmp_path: Path) -> None:
     for ask in (nothing.score, lambda: nothing.budget):
         with pytest.raises(vl.InputError, match="gave no result: fewer than two hits were valid"):
             ask()
-    with pytest.raises(vl.InputError, match="without a truth"):
+    with pytest.raises(vl.InputError, match="without the truth"):
         vl.reduce(nothing.save(tmp_path / "test") / "records").score()
     assert "no score: the test has no result" in vl.score(tmp_path / "test").text
     row = vl.sweep("r161", procedures=rules, laboratories=1, seed=2, progress=quiet).iloc[0]

@@ -123,7 +123,7 @@ def with_extra(name: str) -> str:
     of_it = (line.split(";")[0] for line in required if line.endswith(f'extra == "{name}"'))
     packages = [re.split(r"[^\w.-]", line)[0] for line in of_it if DISTRIBUTION not in line]
     by_name = f"pip install {' '.join(packages)}, or " if packages else ""
-    return f"{by_name}in a clone of the repository: pip install '.[{name}]'"
+    return f"{by_name}in a clone: pip install '.[{name}]' or uv run --extra {name} …"
 
 
 def _short(value: object) -> str:

@@ -596,6 +596,6 @@ def test_a_missing_extra_is_named_with_the_command_to_install_it(
     )
     code, _, err = run("rehearse")
     said = "the page needs the extra 'bench'; pip install starlette uvicorn, "
-    said += "or in a clone of the repository: pip install '.[bench]'"
+    said += "or in a clone: pip install '.[bench]' or uv run --extra bench …"
     assert (code, err.strip()) == (2, f"virtual-lab: {said}")
     assert distribution("virtual-bat-lab").entry_points.select(name="virtual-lab")

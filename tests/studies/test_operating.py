@@ -98,6 +98,10 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
     )
     for end, share in zip(map(float, ends), (0.95, 0.05), strict=True):
         assert np.interp(end, true, shares) == pytest.approx(share, abs=0.03)
+    at_limit = points(found, 1)[POINTS]
+    invalid = 1 - at_limit.pass_probability / at_limit.pass_probability_if_valid
+    assert f"\n{100 * invalid:.0f} % of the tests of a bat at the limit are INVALID." in answer
+    assert found.text.count("are INVALID") == 1
 
 
 def test_the_stated_error_of_a_limit_of_acceptance_is_its_scatter() -> None:

@@ -179,7 +179,7 @@ class Certificate:
         from virtual_lab.studies.score import score
 
         if self.sealed is None:
-            allowed = "these records came without a truth; it stays with the test: vl.score(FOLDER)"
+            allowed = "records are read without the truth beside them; use vl.score(FOLDER)"
             raise InputError("", "score", None, allowed)
         if self.certification.metric is None:
             reason = "; ".join(self.certification.reasons)

@@ -43,6 +43,7 @@ HALF_RANGE, POINTS = 3.0, 11
 # factors of the stiffness between which a variant is searched, and number of laboratories whose
 # mean is the true metric of a variant; the mean of 16 has a standard error of 0.00005 in e
 FACTORS, MEAN_OF = 2.0 ** (np.arange(-6, 9) / 4), 16
+RARE = 0.01  # largest share of INVALID tests that is not stated
 RISK = 0.05  # largest probability that a bat at the limit is accepted, for the acceptance limits
 
 WORDS = (
@@ -196,6 +197,7 @@ def operating(
         total = POINTS + len(OVER) + len(true)
         variants = _Variants(round_robin, laboratories, seed, total, progress)
         errors, valid, _ = variants.errors(rules.metric_limit)
+        invalid = 1 - float(valid[:, 0].mean())
         printed = METRICS[rules.metric]
         limits[rules.name] = printed.in_unit(rules.metric_limit)
         results = printed.in_unit(rules.metric_limit + np.where(valid, errors, np.inf))
@@ -228,6 +230,8 @@ def operating(
         one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
         answers.append(_answers(one, best, limits[rules.name], accepted))
         answers.extend(_decided_by_chance(rows[-2 * count :][:POINTS]))
+        if invalid > RARE:
+            answers.append(f"{100 * invalid:.0f} % of the tests of a bat at the limit are INVALID.")
         at_limit, *_, over_it = (_best_of(1, row) for row in one[: len(OVER)])
         titles.append(
             f"a bat at the limit of {rules.name} passes one test with a probability of {at_limit}, "
