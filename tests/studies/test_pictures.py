@@ -91,3 +91,4 @@ def test_the_bias_picture_shows_its_table() -> None:
         assert [bar.get_width() for bar in axes.patches] == pytest.approx(
             [at - 2, np.nan], nan_ok=True
         )
+        assert [list(line.get_xdata()) for line in axes.lines] == [[0, 0]]  # no error
