@@ -67,3 +67,10 @@ def test_two_marks_show_a_scatter_and_one_mark_none() -> None:
     assert (shown["marks"], shown["mark_resolution"]) == (2, 0)
     assert shown["along_scatter"].value == pytest.approx(2e-3 / np.sqrt(2))
     assert spec.numbers_in([one], {}) == {}
+
+
+def test_each_board_has_the_stated_height() -> None:
+    """The sheets of the catalog have boards at the line of fire, which a laboratory's may not."""
+    _, boards = opened("r161", procedure="bbcor").stations[Stage.IMPACT].parts()["gates"]
+    stated = {"distance_0": -0.6, "distance_1": -0.3, "height_0": 1e-3, "height_1": -2e-3}
+    assert boards.spec.numbers_in([], stated)["heights"] == (1e-3, -2e-3)
