@@ -246,9 +246,17 @@ def test_profile_has_the_promised_keys(run: Run) -> None:
     assert len(lengths) == 1
 
 
-def test_profile_names_its_ball_and_its_swing(run: Run) -> None:
+def test_profile_begins_with_its_answer_and_names_ball_and_swing(run: Run) -> None:
     code, out, _ = run("profile", "r161", "--swing", "0.3", "--ball", "baseball-2003")
     assert code == 0
+    cells = [line.split() for line in out.splitlines() if line[:1].isdigit()]
+    e_A, e_A_place = max((float(row[3]), float(row[0])) for row in cells)
+    speed, place = max((float(row[-2]), float(row[0])) for row in cells)
+    words = (
+        r"r161 hits a ball up to (\S+) mph .* fast, (\S+) in .* e_A is largest, (\S+), at (\S+) in"
+    )
+    (found,) = re.findall(words, out.splitlines()[0])
+    assert [*map(float, found)] == pytest.approx([speed, place, e_A, e_A_place], rel=0.02)
     assert "struck by baseball-2003, swing: n = 0.3" in out
 
 

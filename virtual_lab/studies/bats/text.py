@@ -141,7 +141,12 @@ def profile_text(
         for (words, unit), value in computed.items()
     ]
     swung = swing_text(document["swing_exponent"])
+    (speed, fastest), (e_A, best) = (
+        document["peaks"][name].values() for name in ("batted_speed_mph", "collision_efficiency")
+    )
     return (
+        f"{document['bat']} hits a ball up to {with_unit(speed, 'mph', '.1f')} fast, "
+        f"{fastest:.1f} in from the tip; e_A is largest, {e_A:.3f}, at {best:.1f} in\n\n"
         f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n"
         f"{table_text(curve, CURVE)}"
     )
