@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 
 import pytest
 
-from tests.web.visiting import Visitor, form_of, words_of
+from tests.web.visiting import Visitor, clip_of, form_of, words_of
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.commands.call import bind
 from virtual_lab.commands.lines import shell_words
@@ -84,12 +84,16 @@ def test_a_form_folds_most_fields_and_loads_no_simulation(tmp_path: Path) -> Non
         ("operating", "laboratories=many", "laboratories", "“many” cannot be used."),
         ("certify", "bat=r161&seed=-1", "seed", "Allowed: a whole number from 0"),
         ("track", "clip=a&ball=73", "ball", "Allowed: a diameter with its unit, e.g. 73mm"),
+        ("track", "clip=a.avi", "ball", "The scale is unknown; give “Ball”, “Scale” or"),
+        ("track", "clip=b.avi", "clip", "No such file or folder, expected"),
     ],
 )
 def test_a_refused_value_stands_beside_its_field(
     visitor: Visitor, name: str, fields: str, key: str, sentence: str
 ) -> None:
     """Nothing runs, what was entered stays, and the error text is tied to the control."""
+    clip_of(visitor.page.folder / "a.avi")
+    fields = fields.replace("clip=", f"clip={visitor.page.folder}/")
     answer = visitor.ask(f"/form/{name}", fields.encode())
     assert answer.status == 422
     (control,) = re.findall(rf'<[^>]*id="f-{key}"[^>]*>', answer.text)

@@ -24,6 +24,16 @@ def _beside_the_clip(values: Mapping[str, Any]) -> Path:
     return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
 
 
+def _check_clip(values: Mapping[str, Any]) -> None:
+    """Raise `InputError` for a file that is not a clip, and then for a scale that is unknown."""
+    from virtual_lab.video.clips.calibration_file import read_calibration
+    from virtual_lab.video.clips.reading import open_source
+
+    open_source(Path(values["clip"]))
+    is_known = values.keys() & {"ball", "scale"} or values.get("ruler") == "gravity"
+    read_calibration(values.get("calibration"), needs_length=not is_known)
+
+
 def _board(folder: Path) -> Answer:
     """Return the answer for the folder of a board's pictures."""
     document = {"pictures": str(folder / "pictures"), "truth": str(folder / "truth")}
@@ -151,6 +161,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             example="clip.mp4 --ball 73mm --phone --fps 240",
             question="How fast is the ball in my clip?",
             output=Output(folder=_beside_the_clip, picture=True),
+            check=_check_clip,
         ),
         Command(
             "calibrate",

@@ -104,7 +104,7 @@ class Runs:
         The values are those of a form; folders and files of the result are added.
         """
         new = _new_fields(command, values)
-        bind(command, {**values, **dict.fromkeys(new, "x")})
+        command.check(bind(command, {**values, **dict.fromkeys(new, "x")}).values)
         with self.lock:
             if len(self.workers) >= MOST:
                 allowed = f"{MOST} runs are in progress; wait for one of them, or cancel it"

@@ -52,7 +52,9 @@ def refusal(command: Command, fault: InputError) -> tuple[str, str]:
     """Return the field of a command that an error belongs to, or "", and a sentence about it."""
     key, allowed = field_of(command, fault), worded(fault.allowed)
     if key:
-        return key, f"“{fault.value}” cannot be used: {allowed}"
+        refused = f"“{fault.value}” cannot be used: " if fault.value is not None else ""
+        sentence = refused + allowed
+        return key, sentence[:1].upper() + sentence[1:]
     return "", str(fault) if fault.key or fault.where else allowed
 
 

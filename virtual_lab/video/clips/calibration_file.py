@@ -123,5 +123,5 @@ def read_calibration(
         calibration.metres_per_pixel or calibration.camera or calibration.ball_diameter_m
     ):
         allowed = "give {ball}, {scale} or {ruler=gravity}, or a scale in a calibration file"
-        raise InputError(str(path or ""), "scale", None, f"the scale is unknown; {allowed}")
+        raise InputError(str(path or ""), "{ball}", None, f"the scale is unknown; {allowed}")
     return calibration

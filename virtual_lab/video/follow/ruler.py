@@ -131,8 +131,9 @@ def rulers_of(
         by_gravity = _by_gravity(model, knowledge, step)
         rulers += [by_gravity] if by_gravity else []
     if knowledge.ruler == GRAVITY and not any(each.source == GRAVITY for each in rulers):
-        allowed = "no flight measures gravity to 25 %, or the camera is tilted; give {ball}"
-        raise InputError(where, "{ruler}", GRAVITY, allowed)
+        why = "no flight measures gravity to 25 %, or the camera is tilted"
+        cure = "give {ball}, and {fps} if the clip is in slow motion"
+        raise InputError(where, "{ruler}", GRAVITY, f"{why}; {cure}")
     rulers.sort(key=lambda each: (each.source != knowledge.ruler, each.relative_u))
     if unit := knowledge.metres_per_pixel:
         relative = knowledge.metres_per_pixel_u / unit
