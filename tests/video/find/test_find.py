@@ -232,6 +232,22 @@ def test_a_ball_lit_from_above_keeps_its_size_as_the_wall_changes() -> None:
     assert np.abs(np.diff(np.log(sizes))).max() < 0.15
 
 
+def test_the_lit_side_of_a_ball_is_followed_though_its_dark_side_is_larger() -> None:
+    """Before a wall of medium brightness the blob must not change from one side to the other."""
+    row, column = np.mgrid[:100, :120]
+    ball, places = np.hypot(column - 60, row - 50) < 12, []
+    for border in (48, 50, 52):  # row in which the ball is as bright as the wall
+        light = np.where(ball, 130 - 4.0 * (row - border), 130)
+        picture = np.rint(cv2.GaussianBlur(light, (0, 0), 0.8)).astype(np.uint8)
+        still = still_of([np.full(picture.shape, 130, np.uint8)] * 8, 8, tripod=True)
+        candidates = blobs(0, picture, picture, NONE, still)
+        lit, dark = candidates[~candidates["shaded"]], candidates[candidates["shaded"]]
+        assert lit["lit"].all()
+        assert not dark["lit"].any()
+        places.append(float(lit["y"].item()))
+    assert np.diff(places) == pytest.approx(1.0, abs=0.5)
+
+
 def test_a_ball_that_is_held_or_cut_is_marked() -> None:
     behind = np.full((120, 160), 60, np.uint8)
     still = still_of([behind], 8, tripod=True)

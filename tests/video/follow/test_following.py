@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.video.follow import rooms_study
 from tests.video.follow.twins import require_contacts, require_flights, run
 from tests.video.scenery.filming import film
 from tests.video.scenery.scene import Made
@@ -207,6 +208,17 @@ def test_contacts_are_right_if_the_camera_turns_after_the_ball(tmp_path: Path) -
     assert "PANNED" in result.flags
     assert len(result.contacts) == 2
     require_contacts(made.truth, result)
+
+
+@pytest.mark.parametrize("seed", [9401, 9406])
+def test_all_flights_show_the_same_side_of_a_ball_lit_from_above(seed: int, tmp_path: Path) -> None:
+    """Flights of the lit side and of the dark side would be apart by most of a radius."""
+    made = film(rooms_study.room("rolled", seed), tmp_path)
+    result = rooms_study.followed(made)
+    pairs = zip(result.contacts, made.truth.contacts, strict=True)
+    for contact, true in pairs:
+        assert contact.restitution is not None
+        assert contact.restitution.value == pytest.approx(true.restitution, rel=0.02)
 
 
 @pytest.mark.parametrize("leap", [0, 6])

@@ -3,6 +3,10 @@
 At a low threshold a shadow or a mirror image is connected to the ball; at half of the ball's
 contrast it is separated. A hand that holds the ball covers part of the ring around it, which must
 be background.
+
+A ball lit from above may be brighter than the wall on its upper side and darker on its lower side.
+The two sides are different blobs, because half a ball is not where the ball is: flights of
+different sides would be apart by most of a radius. The lit side is preferred.
 """
 
 from __future__ import annotations
@@ -41,6 +45,8 @@ BLOB = np.dtype(
         ("picture_x", float),  # position in the frame itself
         ("picture_y", float),
         ("colour", float, (3,)),
+        ("lit", bool),  # brighter than the background
+        ("shaded", bool),  # darker side of a ball whose lit side is another blob
     ]
 )
 
@@ -68,6 +74,8 @@ class _Search:
     solid: float = 0.75  # smallest share of its hull's area that a blob fills
     # smallest ratio of a blob's shorter axis to its longer one: motion blur of almost five balls
     thinnest: float = 0.22
+    # smallest share of a blob's area that its lit side covers, if this side is used alone
+    lit_share: float = 0.25
     brightness: float = 70  # percentile of a blob's difference that is used as its contrast
     # largest ratio of the longer axes of a hull at a low level and at half of the contrast; a
     # shadow, or a block of a codec, makes the first one longer
@@ -117,7 +125,11 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
         rivals = [each for each in rows if _same(row, each)]
         if all(_doubt(row) < _doubt(each) for each in rivals):
             rows = [*(each for each in rows if not _same(row, each)), row]
-    return np.array(rows, BLOB)
+    found = np.array(rows, BLOB)
+    apart = np.hypot(*(np.subtract.outer(found[axis], found[axis]) for axis in "xy"))
+    near = apart < (1.25 * found["length"] + 1.5)[:, None]
+    found["shaded"] = ~found["lit"] & (near & found["lit"]).any(axis=1)
+    return found
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
@@ -173,11 +185,19 @@ def _blob(
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
         cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
         part, behind = (area_mean(each[cutting], smaller) for each in (part, behind))
-    plain = difference_of(part, behind).astype(np.float32)
-    off = np.asarray(cv2.GaussianBlur(plain, (0, 0), _SEARCH.softened), np.float32)
+    # A lit side is brighter than the wall in at least two of three colors.
+    brighter = upper_median(cv2.subtract(part, behind).reshape(*part.shape[:2], -1))
+    plain = brighter, difference_of(part, behind)
+    lit, whole = (
+        np.asarray(cv2.GaussianBlur(each.astype(np.float32), (0, 0), _SEARCH.softened), np.float32)
+        for each in plain
+    )
     x1, y1 = left - x0, top - y0
-    inner = off[y1 // fine : (y1 + high) // fine, x1 // fine : (x1 + wide) // fine]
-    bright = inner[inner > _SEARCH.faint]
+    inner = np.s_[y1 // fine : (y1 + high) // fine, x1 // fine : (x1 + wide) // fine]
+    # The larger one of the two sides would change from frame to frame.
+    lit_area, area = ((each[inner] > 2 * _SEARCH.faint).sum() for each in (lit, whole))
+    off = lit if lit_area > _SEARCH.lit_share * area else whole
+    bright = off[inner][off[inner] > _SEARCH.faint]
     if bright.size < _SEARCH.least_area:
         return None
     place = int(_SEARCH.brightness / 100 * (bright.size - 1))
@@ -186,10 +206,11 @@ def _blob(
     if hull is None:
         return None
     x, y, short, long = hull
+    is_lit = bool(lit[round(y), round(x)] > whole[round(y), round(x)] / 2)
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
     inside = part[_disc(off.shape, x, y, 0.6 * short)].reshape(-1, 1 if part.ndim == 2 else 3)
     colour = upper_median(inside.T)
-    dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
+    dirty = float((whole[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
     near = off[_disc(off.shape, x, y, 1.25 * long + 1.5)]
     low, upper = (level * contrast for level in _SEARCH.edge_levels)
     outer, inward = (np.sqrt(float((near > each).sum()) / np.pi) for each in (low, upper))
@@ -202,7 +223,7 @@ def _blob(
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)
-    return number, *at, short, long, edge, contrast, dirty, cut, *there, colours
+    return number, *at, short, long, edge, contrast, dirty, cut, *there, colours, is_lit, False
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:

@@ -20,8 +20,6 @@ from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
 from virtual_lab.video.follow.scene import FOCAL, FlightScene
 
-# smallest motion per frame with which a ball cannot look the same in two frames [ball radii]
-MOVED = 0.1
 DRIFT_MATTERS = 0.002  # largest tolerated hidden drift [share of a flight's speed]
 # largest allowed difference from g, or between two scales: in standard uncertainties, and as a
 # share, whichever is larger

@@ -389,12 +389,12 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     rest = [each for each in moving if not np.isin(each.blobs, blobs).any()]
     frames, xy = scene.blobs["frame"][blobs], np.concatenate([each.xy for each in flights])
     colour, contrast = scene.blobs["colour"], np.median(scene.blobs["contrast"][blobs])
-    own = np.median(colour[blobs], axis=0)
+    own, length = (np.median(scene.blobs[name][blobs], axis=0) for name in ("colour", "length"))
     rivals = []
     for piece in _of_one_gravity(scene, rest):
         _, here, there = np.intersect1d(piece.frames, frames, return_indices=True)
         away = piece.xy[here] - xy[there]
-        if (np.hypot(*away.T) > 2 * radius).sum() <= GROWTH.least_places // 2:
+        if (np.hypot(*away.T) > 2 * length).sum() <= GROWTH.least_places // 2:
             continue
         # A shadow on a wall moves as its ball does, and has another color.
         path = np.ptp(piece.xy[here], axis=0).max()

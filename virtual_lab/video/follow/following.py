@@ -19,7 +19,6 @@ from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.correction import corrected
 from virtual_lab.video.follow.doubts import (
-    MOVED,
     against_flights,
     against_gravity,
     against_size,
@@ -28,7 +27,7 @@ from virtual_lab.video.follow.doubts import (
     require_diameter,
     without_flight,
 )
-from virtual_lab.video.follow.flights import fit_of_falls
+from virtual_lab.video.follow.flights import REST, fit_of_falls
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
@@ -253,7 +252,7 @@ def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
-        for k in np.flatnonzero(steps > MOVED * way.radius):
+        for k in np.flatnonzero(steps > REST * way.radius):
             counted[t[k] + 1 : t[k + 1] + 1] = True
     counted &= same
     return counted if counted.sum() > 1 else np.zeros_like(counted)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,11 +40,16 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 
     With fewer than two repeated frames, the first interpretation is used. If more than 40 % of the
     frames are repeated, every frame was stored twice, and the second one is used. Otherwise both
-    are tried. The one with more positions on flights and less scatter is used.
+    are tried. Blobs that are the dark side of a ball are used, and left out, if there are any. The
+    result with more positions on flights and less scatter is used.
     """
     doubled = same.mean() > EVERY_OTHER
     readings = sorted({doubled, doubled or same.sum() > 1})
-    scenes = (clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings)
+    scenes = [clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings]
+    if (shaded := watched.blobs["shaded"]).any():
+        blobs = watched.blobs.copy()
+        blobs["cut"] |= shaded
+        scenes += [replace(each, blobs=blobs) for each in scenes]
     return max((_read(watched, knowledge, each) for each in scenes), key=lambda each: each[0])[1]
 
 
@@ -100,7 +105,7 @@ def _read(
     """Return the support for the flights with one interpretation of the times, and the flights."""
     best, pull = (-1.0, FlightsFound(scene=scene)), None
     for _ in range(2):  # with gravity known, the second round can bridge missing frames
-        candidates = pieces(watched.blobs, scene.time, pull)
+        candidates = pieces(scene.blobs, scene.time, pull)
         if knowledge.ball_at:
             candidates = [p for p in candidates if _passes(watched, p, knowledge.ball_at)]
         ways, fit = flights_of(scene, candidates)
@@ -129,10 +134,16 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
 
 
 def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
-    """Return the support for flights: number of redundant positions divided by their scatter."""
+    """Return the support for flights: number of redundant positions divided by their scatter.
+
+    Flights that show the lit side of the ball and flights that show its dark side are shifted
+    against each other, so only one side counts.
+    """
     radius = float(np.median([each.radius for each in ways]))
-    spare = sum(len(each.t) for each in ways) - 5 * len(ways) - len(scene.lost(ways))
-    return spare / (0.02 + fit.spread / radius)
+    counts = np.array([len(each.t) for each in ways])
+    lit = np.array([scene.blobs["lit"][each.blobs].mean() > 0.5 for each in ways])
+    spare = max(counts @ lit, counts @ ~lit) - 5 * len(ways) - len(scene.lost(ways))
+    return float(spare / (0.02 + fit.spread / radius))
 
 
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
