@@ -15,7 +15,7 @@ from tests.video.scenes import Film, matte
 from virtual_lab.video.find.blobs import BLOB, blobs
 from virtual_lab.video.find.drift import edges_of, leap_of, matrix_of
 from virtual_lab.video.find.still import still_of
-from virtual_lab.video.find.watching import Watched, lulls, repeats
+from virtual_lab.video.find.watching import Watched, in_region, lulls, repeats
 
 NONE = np.zeros(4)
 
@@ -374,3 +374,11 @@ def test_a_picture_hides_no_more_than_the_drift_of_a_hand() -> None:
     still = still_of(list(Film().frames())[:9], 8, 1.0)
     drifts = [replace(still, hidden_drift=each).unseen_drift(1 / 40) for each in (8.0, 0.01)]
     assert drifts == pytest.approx([0.02 * 320 / 40, 0.01])
+
+
+def test_a_region_selects_the_blobs_between_its_four_edges() -> None:
+    """From the corner (1, 2) it is 3 wide and 4 high; one blob is inside, one beyond each edge."""
+    moving = np.zeros(5, BLOB)
+    moving["x"], moving["y"] = [2, 0, 5, 2, 2], [3, 3, 3, 1, 7]
+    assert in_region(moving, (1, 2, 3, 4)).tolist() == [True, False, False, False, False]
+    assert in_region(moving, None).all()
