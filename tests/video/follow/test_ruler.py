@@ -181,7 +181,7 @@ def test_gravity_that_no_flight_shows_is_no_ruler(followed: Followed) -> None:
     few &= result.watched.blobs["frame"] > result.contacts[0].frame - 5
     short = replace(result.watched, blobs=result.watched.blobs[few], **WITHOUT_PICTURES)
     with pytest.raises(
-        InputError, match="no flight measures.* and fps= if the clip is in slow motion"
+        InputError, match=r"no flight measures.* and fps= if the clip is in slow motion"
     ):
         follow_blobs(result.clip, short, replace(result.knowledge, ruler="gravity"))
 
