@@ -49,8 +49,9 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     assert metric["z"] == pytest.approx(error / metric["u"])
     answer, *_, seal, replay, sealing = scored.text.splitlines()
     inside = "inside" if metric["held"] else "outside"
-    assert f"by {error:+.4f}, which is {abs(metric['z']):.1f} of its standard" in answer
-    assert f"true value {metric['true_value']:.4f} is {inside} the 95 % interval" in answer
+    stated = f"BPF {metric['value']:.4f}, true {metric['true_value']:.4f}: the error {error:+.4f}"
+    assert answer.startswith(f"{stated} is {abs(metric['z']):.1f} of the standard uncertainty")
+    assert f"the true value is {inside} the 95 % interval" in answer
     true = json.loads((folder / "truth" / "truth.json").read_text())["shots"]
     for shot, e_A in shots[["shot", "collision_efficiency"]].itertuples(index=False):
         hit = document[f"collision_efficiency_shot_{shot + 1}"]

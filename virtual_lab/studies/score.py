@@ -25,6 +25,7 @@ from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
 from virtual_lab.lab.recipe import Recipe
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.rounding import decimals, with_unit
@@ -48,6 +49,7 @@ class QuantityScore:
     """
 
     quantity: str = column("quantity")
+    symbol: str
     unit: str
     value: float | None = column("measured", "SI", ".6f")
     u: float | None = column("u", "SI", ".6f")
@@ -64,7 +66,8 @@ class QuantityScore:
     ) -> QuantityScore:
         """Return the score of a result.
 
-        `measured` has the keys `value` and `u`, and ``interval_95`` if the certificate states it.
+        `measured` has the keys `value` and `u`, and ``interval_95`` and `name` if the certificate
+        states them. A metric has a name.
 
         Without a value the error is None. z is None without a value, and if u is None or 0.
         """
@@ -73,6 +76,7 @@ class QuantityScore:
         interval = measured.get("interval_95")
         return cls(
             quantity=quantity,
+            symbol=METRICS[measured["name"]].symbol if "name" in measured else "",
             unit=unit,
             value=value,
             u=u,
@@ -85,14 +89,14 @@ class QuantityScore:
     @property
     def words(self) -> str:
         """The error in one sentence."""
-        if self.error is None or self.z is None:
+        if self.value is None or self.error is None or self.z is None:
             return f"The {self.quantity} has no error: its value or its uncertainty is missing."
         inside, form = "inside" if self.held else "outside", f".{decimals(self.u or 0.0)}f"
-        error = with_unit(self.error, self.unit, f"+{form}")
+        value, true = (with_unit(x, self.unit, form) for x in (self.value, self.true_value))
         return (
-            f"The certificate differs from the truth by {error}, which is {abs(self.z):.1f} of its "
-            "standard uncertainties; the true value "
-            f"{with_unit(self.true_value, self.unit, form)} is {inside} the 95 % interval."
+            f"{self.symbol or self.quantity} {value}, true {true}: the error "
+            f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.1f} of the standard "
+            f"uncertainty, and the true value is {inside} the 95 % interval."
         )
 
 
