@@ -117,6 +117,8 @@ def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
 
 def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
     """Only those that fit, and nothing from a result's own folder."""
+    advice = 'No certificate yet: first <a href="/form/certify">Does this bat pass?</a>'
+    assert advice in visitor.ask("/form/score").text
     home, result = visitor.page.folder, ["certificate.json", "settings.toml", "truth/seal.json"]
     others = ["old/certificate.json", "a/settings.toml", "c.toml", "d.json"]
     for path in [*(home / "made" / name for name in result), *(home / name for name in others)]:
@@ -130,4 +132,5 @@ def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
     ):
         page = visitor.ask(f"/form/{form}").text
         assert set(re.findall(rf'value="{home}/(.*?)"', page)) == expected
+        assert advice not in page
     assert '<option value="plain-day" selected>The plain day' in page
