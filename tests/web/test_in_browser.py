@@ -193,6 +193,7 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     rows = pd.read_csv(table).assign(drift_x_px=5.0)  # as of a camera that moved before
     rows.to_csv(table, index=False)
     assert look(page, student) == []
+    assert page.eval_on_selector(".scroll", "each => each.scrollWidth <= each.clientWidth")
     shows(page, 0)
     again = page.get_by_role("button", name="Run again")
     status = page.locator(".clip [role=status]")
@@ -230,15 +231,16 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
 def test_a_track_without_a_position_gets_its_first_one(
     page: Any, student: str, folder: Path
 ) -> None:
-    """Of the size and flight beside the picture; the drawn circle shows the size."""
+    """Of the size and flight beside the picture. The circle of the size is drawn only there."""
     table = folder / "a-track" / "track.csv"
     table.write_text(table.read_text().partition("\n")[0])
     page.goto(student)
     shows(page, 0)
     assert page.locator(".clip [role=status]").inner_text() == "Frame 0: no position"
     page.fill("[data-radius]", "12.5")
-    assert page.locator(".stage circle").get_attribute("r") == "12.5"
+    assert page.locator(".stage circle").count() == 0
     drag(page, (41, 61))
+    assert page.locator(".stage circle").get_attribute("r") == "12.5"
     page.get_by_role("button", name="Run again").click()
     page.wait_for_url(lambda url: not url.endswith(student))
     first = pd.read_csv(folder / "uploads" / "a.avi-corrected-2.csv")

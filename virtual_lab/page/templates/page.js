@@ -83,7 +83,6 @@ if (panel) {
       !track && ball[2] === +slide.value && circle(ball, r),
       high && box([left, top], [left + wide, top + high]),
       scale.length > 3 && line(scale.slice(0, 2), scale.slice(2, 4)),
-      track && !row && circle(cross, +radius.value || 0),
       ...rows.map(each => circle(spot(each, shift), each === row ? +each.radius_px || 0 : r / 6)),
     ].filter(Boolean).join("");
     if (!track) return;
