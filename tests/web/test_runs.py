@@ -22,6 +22,7 @@ from tests.web.visiting import Visitor, words_of
 from virtual_lab.cli import cli
 from virtual_lab.commands.output import Answer
 from virtual_lab.page import opening
+from virtual_lab.page.runs import StartedRun
 from virtual_lab.page.working import answer_of
 
 SLOW = b"bats=r161&laboratories=1000000"  # a sweep that no test waits for
@@ -140,11 +141,18 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
     result = visitor.ask("/run/1").text
     assert "made/certificate.json" in result
     assert "truth.json" not in result
-    assert f'href="/form/score?folder={quote(str(made))}"' in result
+    score, *_ = places = re.findall(r'<iframe|href="/form/score\?folder=[^"]*"', result)
+    assert (score, len(places)) == (f'href="/form/score?folder={quote(str(made))}"', 3)
     assert '<option value="ea70" selected' in visitor.ask("/form/certify?run=1").text
     with_truth = names_in(visitor.ask("/run/1/zip?truth=yes"))
     assert names_in(visitor.ask("/run/1/zip")) == with_truth - {"truth.json", "seal.json"}
     assert {"truth.json", "certificate.json"} < with_truth
+
+
+def test_a_run_is_listed_with_the_number_of_its_correction(tmp_path: Path) -> None:
+    values = {"clip": "/lab/a.mp4", "corrected": "/lab/uploads/a.mp4-corrected-2.csv", "out": "b"}
+    (tmp_path / "call.json").write_text(json.dumps({"values": values}))
+    assert StartedRun(tmp_path, live=False).stated == "a.mp4, corrected-2.csv"
 
 
 def test_a_result_without_a_sentence_has_its_first_line() -> None:

@@ -61,8 +61,9 @@ class StartedRun:
     def stated(self) -> str:
         """The given values in one line, without what the page chose."""
         values = {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
+        start = f"{Path(str(values.get('clip'))).name}-"  # of the name of a corrected track
         return ", ".join(
-            title_of(key).lower() if each is True else Path(text).name
+            title_of(key).lower() if each is True else Path(text).name.removeprefix(start)
             for key, each in values.items()
             for text in texts(each)
         )[:80]
