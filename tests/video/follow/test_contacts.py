@@ -89,8 +89,22 @@ def test_positions_off_the_flight_beside_a_contact_are_flagged() -> None:
         residuals = [each.copy() for each in model.fit.residuals]
         residuals[flight][ends] += 2.0
         off = replace(model, fit=replace(model.fit, residuals=residuals))
-        assert [flag for flag, _ in contacts_of(off, 1.0, ruler, None)[1]] == ["ENDS_OFF"]
+        ((flag, words),) = contacts_of(off, 1.0, ruler, None)[1]
+        frames = ", ".join(map(str, model.ways[flight].frames[ends]))
+        assert (flag, f"the positions of frames {frames} are" in words) == ("ENDS_OFF", True)
     assert contacts_of(model, 1.0, ruler, None)[1] == []
+
+
+def test_the_u_of_a_restitution_includes_a_fit_without_the_positions_that_are_off() -> None:
+    model = bounce(5.0)
+    one, other = model.ways
+    xy = one.xy.copy()
+    xy[-3:] -= [0, 4]
+    off = FittedFlights.of(model.scene, [replace(one, xy=xy), other])
+    without = FittedFlights.of(model.scene, [one.part(slice(-3)), other])
+    wide, narrow, true = (contact(m).restitution for m in (off, replace(off, rest=[]), without))
+    added = np.sqrt(wide.u**2 - narrow.u**2)
+    assert added == pytest.approx(abs(true.value - narrow.value), rel=1e-3)
 
 
 def test_a_stated_drag_that_the_flights_contradict_is_flagged() -> None:

@@ -12,8 +12,8 @@ from virtual_lab.units import Array
 from virtual_lab.video.follow.flights import FLIGHTS, bend_of, meetings
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
 from virtual_lab.video.follow.knowledge import Note
-from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
-from virtual_lab.video.follow.pieces import FAR_U, GROWTH, Piece
+from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights, ends_off
+from virtual_lab.video.follow.pieces import GROWTH, Piece
 from virtual_lab.video.follow.ruler import VAGUE, Ruler
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.sharpening import SharpBall
@@ -94,13 +94,12 @@ def contacts_of(
             if flag:
                 words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
                 notes.append((flag, words))
-        for side, rest in (("before", fit.residuals[k][-3:]), ("after", fit.residuals[k + 1][:3])):
-            off = float(np.hypot(*rest.T).min())
-            if not one.sharp and off > max(FAR_U * fit.spread, FLIGHTS.end_room * one.radius):
-                words = f"contact at frame {frame:.1f}: the three positions {side} it are {off:.2g}"
-                why = f"pixels or more off the fitted flight, {off / fit.spread:.0f} times the"
-                advice = "scatter, so speeds and restitution may be wrong; see track.png"
-                notes.append(("ENDS_OFF", f"{words} {why} {advice}"))
+        for flight, end, off in ends_off(ways, fit, k):
+            frames = ", ".join(map(str, ways[flight].frames[end]))
+            words = f"contact at frame {frame:.1f}: the positions of frames {frames} are {off:.2g}"
+            why = f"pixels or more off the fitted flight, {off / fit.spread:.0f} times the scatter,"
+            advice = "so speeds and restitution may be wrong; remove those that are not on the ball"
+            notes.append(("ENDS_OFF", f"{words} {why} {advice}"))
         place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
         metres = scale.metres_per_pixel * place
         if sharp:  # the fit is in the plane of the ball
