@@ -256,7 +256,7 @@ def test_a_speed_is_stated_in_mph_and_in_m_per_s(tmp_path: Path) -> None:
     tested = vl.certify("softball-34", procedure="asa", seed=1)
     tested.save(tmp_path / "test")
     words = vl.score(tmp_path / "test").text.partition("\n")[0]
-    si, mph = map(float, re.search(r"true value ([\d.]+) m/s \(([\d.]+) mph\)", words).groups())
+    si, mph = map(float, re.search(r"true ([\d.]+) m/s \(([\d.]+) mph\)", words).groups())
     assert mph == pytest.approx(si / 0.44704, rel=5e-4)
     rules = vl.procedure("asa").with_(largest_speed_u="0.01 mph")
     reason = vl.certify("softball-34", procedure=rules, seed=1).text.partition("\n")[0]

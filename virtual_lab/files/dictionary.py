@@ -47,7 +47,6 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "flag_names": _M("names of the flags, separated by blanks", WORDS),
     "metric": _M("symbol of the procedure's metric", WORDS),
     "quantity": _M("name of the quantity", WORDS),
-    "symbol": _M("symbol of the metric; empty for other quantities", WORDS),
     "unit": _M("unit of the row's values; empty: a pure number", WORDS),
     "value": _M("measured or computed value", PER_ROW),
     "u": _M("standard uncertainty of the value", PER_ROW),

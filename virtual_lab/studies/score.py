@@ -49,7 +49,7 @@ class QuantityScore:
     """
 
     quantity: str = column("quantity")
-    symbol: str
+    metric: str  # symbol; empty for other quantities
     unit: str
     value: float | None = column("measured", "SI", ".6f")
     u: float | None = column("u", "SI", ".6f")
@@ -76,7 +76,7 @@ class QuantityScore:
         interval = measured.get("interval_95")
         return cls(
             quantity=quantity,
-            symbol=METRICS[measured["name"]].symbol if "name" in measured else "",
+            metric=METRICS[measured["name"]].symbol if "name" in measured else "",
             unit=unit,
             value=value,
             u=u,
@@ -94,7 +94,7 @@ class QuantityScore:
         inside, form = "inside" if self.held else "outside", f".{decimals(self.u or 0.0)}f"
         value, true = (with_unit(x, self.unit, form) for x in (self.value, self.true_value))
         return (
-            f"{self.symbol or self.quantity} {value}, true {true}: the error "
+            f"{self.metric or self.quantity} {value}, true {true}: the error "
             f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.1f} of the standard "
             f"uncertainty, and the true value is {inside} the 95 % interval."
         )
