@@ -245,3 +245,13 @@ def test_a_track_without_a_position_gets_its_first_one(
     page.wait_for_url(lambda url: not url.endswith(student))
     first = pd.read_csv(folder / "uploads" / "a.avi-corrected-2.csv")
     assert first[WRITTEN].values.tolist() == [[0, 41, 61, 12.5, 1, 0, 0]]
+
+
+def test_the_frames_of_a_warning_are_shown(page: Any, student: str, folder: Path) -> None:
+    outcome = folder / "runs" / f"{int(student.rpartition('/')[2]):04}" / "outcome.json"
+    warnings = ["contact at frame 4.5: the positions of frames 3, 4 are 2 pixels off"]
+    outcome.write_text(json.dumps({**json.loads(outcome.read_text()), "warnings": warnings}))
+    page.goto(student)
+    shows(page, 0)
+    page.click("main > .soft button:text-is('4')")
+    shows(page, 4)

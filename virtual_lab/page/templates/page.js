@@ -148,6 +148,9 @@ if (panel) {
     const act = { ...moves, Enter: set, Delete: () => here() && change(), PageUp: () => go(-1), PageDown: () => go(1) }[event.key];
     if (act) act(event.preventDefault());
   });
+  // the frames of a warning
+  if (track) all("main > .soft").forEach(each => { each.innerHTML = each.innerHTML.replace(/(?<= frames [\d, ]*)\d+(?=[\d, ]* are)/g, number => `<button type="button" data-frame="${number}">${number}</button>`); });
+  all("[data-frame]").forEach(each => each.addEventListener("click", () => { slide.value = each.dataset.frame; step(); stage.focus(); }));
   panel.addEventListener("click", ({ target: { dataset } }) => {
     if (dataset.step) go(+dataset.step);
     if ("remove" in dataset && here()) change();
