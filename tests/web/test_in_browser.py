@@ -159,7 +159,9 @@ def student(page: Any, tmp_path_factory: pytest.TempPathFactory) -> str:
     page.fill("[name=ball]", "73")
     page.click("button.main")
     page.wait_for_selector("[name=ball][aria-invalid]:focus")
-    shows(page, 3)  # the frame is kept
+    shows(page, 3)  # the frame is kept, and the field is in view below it
+    box = page.locator("[name=ball]").bounding_box()
+    assert 0 < box["y"] < 900 - box["height"]
     assert page.locator("#f-ball-list [value^=baseball]").count() == 1
     page.check("[value=scale]")
     drag(page, (40, 20), (240, 20))

@@ -191,6 +191,7 @@ if (panel) {
     if (track) radius.value = rows[0]?.radius_px ?? (size.width / 60).toFixed(1);
     [panel.inert, words.textContent] = [false, ""];
     step();
+    one(".wrong :focus")?.scrollIntoView({ block: "center" }); // the clip has moved it
   };
   chosen.addEventListener("change", load);
   if (chosen.value) load();
