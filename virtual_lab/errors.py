@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from importlib import import_module
 from typing import Any
 
-VERSION = "0.2.0"
+VERSION = "0.3.0"
 LISTED = "\n  "  # start of a line of a list in an error message
 DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the index is another one
 
