@@ -5,7 +5,6 @@ import os
 import sqlite3
 import subprocess
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -61,7 +60,7 @@ def test_a_double_click_makes_one_entry(rehearsal: StoredDay) -> None:
 )
 def test_the_log_only_grows(rehearsal: StoredDay, statement: str) -> None:
     rehearsal.do(action_of("tare"))
-    with closing(rehearsal.log._open()) as base, pytest.raises(sqlite3.DatabaseError):
+    with rehearsal.log._open() as base, pytest.raises(sqlite3.DatabaseError):
         base.execute(statement)
     assert [event.action for event in rehearsal.log.events()] == ["tare"]
 

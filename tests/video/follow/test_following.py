@@ -417,8 +417,9 @@ def test_a_rolling_shutter_is_found(followed: Get) -> None:
     """The readout is no longer flagged as unknown."""
     made, result = followed("rolling-shutter")
     assert result.flags == ("ROLLING_SHUTTER",)
-    fitted, u = map(float, re.findall(r"time of (\S+) \(u (\S+)\)", " ".join(result.warnings))[0])
-    assert abs(fitted - 0.75) < 2 * u < 0.1  # 25 ms of 33 ms
+    words = " ".join(result.warnings)
+    fitted, u = map(float, re.findall(r"time of (\S+) ms \(u (\S+) ms\)", words)[0])
+    assert abs(fitted - 25) < 2 * u < 3.3  # of 33 ms
     require_contacts(made.truth, result)
 
 

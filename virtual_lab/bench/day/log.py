@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -128,7 +128,7 @@ class DayLog:
 
         Raises `SequenceError` if the event's number is not the next one.
         """
-        with closing(self._open()) as base:
+        with self._open() as base:
             base.execute("BEGIN IMMEDIATE")
             ((last, text),) = base.execute(f"{ROWS} DESC LIMIT 1")
             if event.number != last + 1:
@@ -158,17 +158,18 @@ class DayLog:
     def _texts(self) -> list[str]:
         """Return the texts of all rows, in order of their numbers; at least one."""
         try:
-            with closing(self._open()) as base:
+            with self._open() as base:
                 return [str(text) for _, text in base.execute(ROWS)] or [""]
         except sqlite3.DatabaseError as fault:
             allowed = f"is not the log of a day ({fault})"
             raise InputError(str(self.path), "log", None, allowed) from fault
 
-    def _open(self) -> sqlite3.Connection:
-        base = sqlite3.connect(self.path, isolation_level=None)
-        base.execute("PRAGMA synchronous=FULL")
-        base.execute("PRAGMA recursive_triggers=ON")  # otherwise OR REPLACE bypasses the triggers
-        return base
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        with closing(sqlite3.connect(self.path, isolation_level=None)) as base:
+            base.execute("PRAGMA synchronous=FULL")
+            base.execute("PRAGMA recursive_triggers=ON")  # else OR REPLACE bypasses the triggers
+            yield base
 
 
 def _put(base: sqlite3.Connection, number: int, document: Mapping[str, Any]) -> None:

@@ -151,8 +151,9 @@ if (panel) {
   // the frames of a warning
   if (track) all("main > .soft").forEach(each => { each.innerHTML = each.innerHTML.replace(/(?<= frames [\d, ]*)\d+(?=[\d, ]* are)/g, number => `<button type="button" data-frame="${number}">${number}</button>`); });
   all("[data-frame]").forEach(each => each.addEventListener("click", () => { slide.value = each.dataset.frame; step(); stage.focus(); }));
-  panel.addEventListener("click", ({ target: { dataset } }) => {
+  panel.addEventListener("click", ({ detail, target: { dataset } }) => {
     if (dataset.step) go(+dataset.step);
+    if (dataset.step && detail) stage.focus(); // a click; a key stays on its button
     if ("remove" in dataset && here()) change();
     if (!dataset.end) return;
     const ends = (field("frames").value || `0:${slide.max}`).split(":").with(dataset.end, slide.value);

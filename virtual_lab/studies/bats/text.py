@@ -209,7 +209,7 @@ def _hardest_hitters(peaks: Sequence[Peaks]) -> str:
         }
         first, second = sorted(speeds, key=lambda bat: -speeds[bat])[:2]
         lead = speeds[first] - speeds[second]
-        faster = f"if a lighter bat is swung faster ({swing_text(law)})"
+        faster = f"if a bat of smaller inertia is swung faster ({swing_text(law)})"
         swung = faster if law else "swung equally fast"
         answers.append(
             f"{swung}, {first} hits hardest: up to {with_unit(speeds[first], 'mph', '.1f')}, "

@@ -57,7 +57,7 @@ def against_gravity(
     if knowledge.rate_of == FILE:
         said = with_uncertainty(rate, rate * relative_u)
         why = f"at the file's own rate of {knowledge.rate:.4g}, {finding}"
-        words = f"a rate of {said} per second was fitted: {why}; or use {{fps}}"
+        words = f"a rate of {said} per second was fitted: {why}; or state {{fps}}"
         fitted = replace(knowledge, rate=rate, rate_u=relative_u, rate_of=GRAVITY, ruler=BALL)
         return [("RATE_FITTED", words)], fitted
     length = f"a length {g / fall:.3g} times as long"
@@ -172,11 +172,11 @@ def without_flight(pieces: Sequence[Piece]) -> str:
     return f"{words} not a ball; {at}, and check the frame rate ({{fps}})"
 
 
-def of_camera(model: FittedFlights, drift: float) -> list[Note]:
+def of_camera(model: FittedFlights, drift: float, rate: float) -> list[Note]:
     """Return notes on a camera that is tilted, turns, has a rolling shutter, or drifts undetected.
 
-    `drift` is the largest undetected drift [px/frame]; 0 gives no note on drift. There is one note
-    per effect that the flights show or cannot rule out. The list is empty if there is none.
+    `drift` is the largest undetected drift [px/frame]; 0 gives no note on drift. `rate` is that of
+    the frames [1/s]. There is one note per effect that the flights show or cannot rule out.
     """
     notes, fit = [], model.fit
     ball = model.scene.blobs[np.concatenate([each.blobs for each in model.ways])]
@@ -192,8 +192,9 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
     if model.scene.readout is None:
         k = -4 * len(fit.states) - 2
         value, u = fit.readout, float(np.sqrt(fit.covariance[k, k]))
-        words = f"a rolling shutter with a readout time of {value:.2g} (u {u:.2g}) frame intervals"
-        why = "was fitted, and u covers it; state it with {readout} or {global_shutter}"
+        size = f"{1e3 * value / rate:.2g} ms (u {1e3 * u / rate:.2g} ms)"
+        words = f"a rolling shutter with a readout time of {size}"
+        why = "was fitted, and u covers it; if you know it, state {readout} or {global_shutter}"
         sure = value > APART[0] * u
         notes.append(("ROLLING_SHUTTER" if sure else "READOUT_UNKNOWN", f"{words} {why}"))
     if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():

@@ -202,7 +202,8 @@ def measure(
     if model and scale:
         hidden = drift > 0 and watched.still.hidden_drift is None
         if not sharp:
-            notes += [*of_camera(model, drift if hidden else 0.0), *of_drag(model)]
+            unseen = drift if hidden else 0.0
+            notes += [*of_camera(model, unseen, knowledge.rate), *of_drag(model)]
         contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size is None:
