@@ -84,7 +84,7 @@ def test_names_and_keys_are_completed(text: str, words: str) -> None:
 
 
 def test_a_notebook_asks_for_completions() -> None:
-    """A stand-in for IPython has the names that the package uses; no kernel is started."""
+    """A fake module has the names of IPython that the package uses; no kernel is started."""
     code = """if True:
         import sys
         from types import SimpleNamespace as Values

@@ -71,7 +71,7 @@ def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocum
         same_shape(points[:, 0], np.array(along.curve_in))
     valid = [(row.impact_position_in, row.value) for row in scan.shots if not row.reason]
     places, values = np.array(valid).T
-    assert along.degree == 5  # that of the curve for the width of the peak
+    assert along.degree == 5  # the curve for the width of the peak has this degree
     fitted = np.polyval(np.polyfit(places, values, along.degree), along.curve_in)
     assert along.quantities[-1].curve == pytest.approx(fitted, abs=1e-5)
     for row, mean, u in zip(

@@ -111,8 +111,8 @@ def test_uncertainties_may_be_typed_with_plus_and_minus() -> None:
 
 def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
     with parameters_named(field_name):
-        told = worded("use {fps=240} or {ball_at=X,Y@FRAME}")
-    assert told == "use “Frame rate” 240 or “The ball in one frame”"
+        message = worded("use {fps=240} or {ball_at=X,Y@FRAME}")
+    assert message == "use “Frame rate” 240 or “The ball in one frame”"
 
 
 def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:

@@ -55,8 +55,8 @@ def completions(text: str, variables: Mapping[str, Any]) -> tuple[list[str], str
 
 def _keys(text: str, variables: Mapping[str, Any]) -> list[str]:
     """Return the keys of the numbers of the sheet on which a text calls `with_`."""
-    found = SHEET.match(text)
-    kind, name, variable = found.groups() if found else ("", "", "")
+    call = SHEET.match(text)
+    kind, name, variable = call.groups() if call else ("", "", "")
     sheet = variables.get(variable)
     if kind and name in catalog.names(f"{kind}s"):
         sheet = Sheet.of(f"{kind}s", name)

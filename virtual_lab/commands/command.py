@@ -44,7 +44,7 @@ class Command:
         Method that saves the result, as ``Class.method``. Its parameters are options too.
     output
         How the result is printed and saved. By default it is that of a study.
-    check
+    require
         Function that raises `InputError` for values that the command would refuse after its start.
     variants
         Further commands whose names begin with the name of this one.
@@ -59,7 +59,7 @@ class Command:
     options: Sequence[str] = ()
     saving: str = ""
     output: Output = DRAWN
-    check: Callable[[Mapping[str, Any]], None] = lambda values: None
+    require: Callable[[Mapping[str, Any]], None] = lambda values: None
     variants: Sequence[Command] = ()
     words: str = ""
 

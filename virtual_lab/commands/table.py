@@ -24,7 +24,7 @@ def _beside_the_clip(values: Mapping[str, Any]) -> Path:
     return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
 
 
-def _check_clip(values: Mapping[str, Any]) -> None:
+def _require_clip(values: Mapping[str, Any]) -> None:
     """Raise `InputError` for a file that is not a clip, and then for a scale that is unknown."""
     from virtual_lab.video.clips.calibration_file import read_calibration
     from virtual_lab.video.clips.reading import open_source
@@ -161,7 +161,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             example="clip.mp4 --ball 73mm --phone --fps 240",
             question="How fast is the ball in my clip?",
             output=Output(folder=_beside_the_clip, picture=True),
-            check=_check_clip,
+            require=_require_clip,
         ),
         Command(
             "calibrate",

@@ -61,7 +61,8 @@ class StartedRun:
     def stated(self) -> str:
         """The given values in one line, without what the page chose."""
         values = {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
-        start = f"{Path(str(values.get('clip'))).name}-"  # of the name of a corrected track
+        # the name of a corrected track begins with that of its clip
+        start = f"{Path(str(values.get('clip'))).name}-"
         return ", ".join(
             title_of(key).lower() if each is True else Path(text).name.removeprefix(start)
             for key, each in values.items()
@@ -105,7 +106,7 @@ class Runs:
         The values are those of a form; folders and files of the result are added.
         """
         new = _new_fields(command, values)
-        command.check(bind(command, {**values, **dict.fromkeys(new, "x")}).values)
+        command.require(bind(command, {**values, **dict.fromkeys(new, "x")}).values)
         with self.lock:
             if len(self.workers) >= MOST:
                 allowed = f"{MOST} runs are in progress; wait for one of them, or cancel it"

@@ -42,8 +42,8 @@ def plain(words: str) -> str:
 
 def notes(command: Command, each: ParameterDescription, choices: Collection[object]) -> str:
     """Return the words below the control of a parameter: its description and its limits."""
-    if told := WORDS["notes"].get(command.name, {}).get(each.name):
-        return str(told)
+    if note := WORDS["notes"].get(command.name, {}).get(each.name):
+        return str(note)
     allowed = "" if choices else limits(each.rule.several or each.rule)
     return f"{plain(each.words)} {allowed and f'Allowed: {allowed}.'}".strip()
 

@@ -419,7 +419,7 @@ def test_a_rolling_shutter_is_found(followed: Get) -> None:
     assert result.flags == ("ROLLING_SHUTTER",)
     words = " ".join(result.warnings)
     fitted, u = map(float, re.findall(r"time of (\S+) ms \(u (\S+) ms\)", words)[0])
-    assert abs(fitted - 25) < 2 * u < 3.3  # of 33 ms
+    assert abs(fitted - 25) < 2 * u < 3.3  # the frame interval is 33 ms
     require_contacts(made.truth, result)
 
 

@@ -114,7 +114,7 @@ def test_a_wrong_diameter_is_flagged_and_changes_no_speed(followed: Followed) ->
     assert "GRAVITY" in wrong.flags
     cures = r"slow motion\?\); fps=5\d\S* or ball='([\d.]+)mm' would fit"
     (diameter,) = re.findall(cures, " ".join(wrong.warnings))
-    assert float(diameter) == pytest.approx(73, rel=0.04)  # of this light the size has u of 4 %
+    assert float(diameter) == pytest.approx(73, rel=0.04)  # in this light u of the size is 4 %
     for one, other in zip(speeds_of(wrong), speeds_of(result), strict=True):
         assert one.value == pytest.approx(other.value, rel=2e-3)
     assert wrong.gravity is not None

@@ -179,9 +179,9 @@ def hit_scatters(
     """
     scatters = dict[str, StandardDeviation]()
     for place in sorted(wanted, key=list(PLACES).index):
-        found = {each: scatter.value for each, scatter in scatters.items()}
+        earlier = {each: scatter.value for each, scatter in scatters.items()}
         without, with_it = (
-            _variances(simulate(found | {place: each}))[place] for each in (0.0, TRIAL)
+            _variances(simulate(earlier | {place: each}))[place] for each in (0.0, TRIAL)
         )
         others = wanted[place]._replace(known=without)
         scatters[place] = others.scaled(TRIAL / sqrt(with_it - without))
