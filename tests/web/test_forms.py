@@ -11,6 +11,7 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 
 import pytest
 
+from tests.asking import Answer
 from tests.web.visiting import Visitor, clip_of, form_of, words_of
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.commands.call import bind
@@ -37,11 +38,19 @@ def test_each_exception_is_needed(visitor: Visitor) -> None:
     assert OF_SHELL.findall(words_of(visitor.ask("/"))) == []
 
 
+def unfolded(page: Answer) -> set[str]:
+    """Return the names of the fields that are not folded."""
+    return form_of(page.text.partition("<details")[0])[1]
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
     visitor: Visitor, name: str
 ) -> None:
-    """An untouched form states nothing. Command line, form, what it sends, command line again."""
+    """An untouched form states nothing. Command line, form, what it sends, command line again.
+
+    A field that is filled in is not folded, and one with its default is.
+    """
     command, page = COMMANDS[name], visitor.ask(f"/form/{name}")
     sent, names = form_of(page.text)
     hidden = {key for key in command.fields if {("", key), (name, key)} & EXCEPTIONS.keys()}
@@ -56,10 +65,14 @@ def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
         for key, each in call.values.items()
         if key not in hidden and each != command.fields[key].default
     }
-    shown = form_of(page.text.partition("<details")[0])[1]  # the others are folded
+    shown = unfolded(page)
     assert values.keys() - FOLDED <= shown <= command.fields.keys() - FOLDED | {"point"}
+    untouched = urlencode(parse_qsl(urlencode(sent)))  # a field without a text is not sent
+    assert unfolded(visitor.ask(f"/form/{name}?{untouched}")) == shown
     filled = urlencode({key: texts(each) for key, each in values.items()}, doseq=True)
-    sent, _ = form_of(visitor.ask(f"/form/{name}?{filled}").text)
+    page = visitor.ask(f"/form/{name}?{filled}")
+    assert unfolded(page) == shown | values.keys()
+    sent, _ = form_of(page.text)
     entered = given(command, parse_qs(urlencode(sent)))
     assert entered.keys() == values.keys()
     again, expected = (bind(command, {**new, **each}) for each in (entered, values))

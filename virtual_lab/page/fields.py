@@ -14,7 +14,7 @@ from virtual_lab.files.folders import KINDS, folder_kind
 from virtual_lab.page.wording import WORDS
 from virtual_lab.parameters import SETTINGS
 
-FOLDED = ("seed", "operator_seed", "workers")  # always among the fields that are folded
+FOLDED = ("seed", "operator_seed", "workers")  # folded until they are filled in
 CHOSEN = "the page chooses the new folder or file"
 # parameters without a control, by command (empty: of every command) and name
 EXCEPTIONS = {
@@ -55,17 +55,19 @@ def controls(
     about refused values.
     """
     example, shown = shlex.split(command.example), []
+    every = {key: texts(each.default) for key, each in command.parameters.items()} | {**values}
+    stated = given(command, every)
     for key, each in command.parameters.items():
         if not has_control(command, key):
             continue
-        stated = f"--{command.option(key)}" in example
-        used = command.takes_position(key) or each.default is REQUIRED or stated
+        named = f"--{command.option(key)}" in example and key not in FOLDED
+        used = command.takes_position(key) or each.default is REQUIRED or named
         kind, choices = _kind(command, each, folder)
-        entered = values.get(key, texts(each.default))
+        entered = every[key]
         if kind in ("path", "paths", "choice", "choices"):  # a value from elsewhere
             choices += [(text, text) for text in entered if text not in dict(choices)]
         fault = faults.get(key, "")
-        first = bool(fault) or (used and key not in FOLDED)
+        first = bool(fault) or used or key in stated
         shown.append(Control(each, kind, choices, entered, fault, first))
     return shown
 
