@@ -40,7 +40,8 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     scored = score_folder(folder)
     document = scored.document
     shots = pd.read_csv(folder / "readings.csv").query("used")
-    hits = {f"collision_efficiency_shot_{shot + 1}" for shot in shots["shot"]}
+    names = "collision_efficiency", "bat_performance_factor"
+    hits = {f"{name}_shot_{shot + 1}" for shot in shots["shot"] for name in names}
     assert set(document) == FIELDS | ROWS | hits
     assert (document["seal"], document["state"], scored.code) == ("whole", "whole", 0)
     assert (document["altered"], document["differs"], document["sheets"]) == ([], [], ())
@@ -52,14 +53,46 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     stated = f"BPF {metric['value']:.4f}, true {metric['true_value']:.4f}: the error {error:+.4f}"
     assert answer.startswith(f"{stated} is {abs(metric['z']):.1f} of the standard uncertainty")
     assert f"the true value is {inside} the 95 % interval" in answer
-    true = json.loads((folder / "truth" / "truth.json").read_text())["shots"]
-    for shot, e_A in shots[["shot", "collision_efficiency"]].itertuples(index=False):
-        hit = document[f"collision_efficiency_shot_{shot + 1}"]
+    truth = json.loads((folder / "truth" / "truth.json").read_text())
+    true, bat = pd.DataFrame(truth["shots"]), truth["bat_properties"]
+    axis = bat["length"] - 0.1524  # pivot 6 in from the knob
+    inertia = bat["inertia_cm"] + bat["mass"] * (axis - bat["z_cm"]) ** 2
+    (scatter,) = vl.load(folder).budget.query("component == 'hits'")["contribution"]
+    shared = metric["u"] ** 2 - scatter**2
+    for shot, ball, e_A, bpf in shots[["shot", "ball", *names]].itertuples(index=False):
+        hit, of_metric = (document[f"{name}_shot_{shot + 1}"] for name in names)
         assert hit["value"] == pytest.approx(e_A)
         assert hit["true_value"] == true["collision_efficiency"][shot]
         assert hit["error"] == pytest.approx(hit["value"] - hit["true_value"])
+        assert of_metric["value"] == pytest.approx(bpf)
+        u = (shared + shots["bat_performance_factor"].var()) ** 0.5
+        assert (of_metric["metric"], of_metric["u"]) == ("BPF", pytest.approx(u))
+        assert of_metric["z"] == pytest.approx((bpf - of_metric["true_value"]) / u)
+        place, out, e0 = true.loc[shot, ["place", "collision_efficiency", "ball_restitution"]]
+        impulse = truth["balls"]["mass"][ball] * (1 + out)  # of a ball of 1 m/s
+        e = out + impulse * (axis - place) ** 2 / inertia
+        assert of_metric["true_value"] == pytest.approx(e / e0)
     assert (seal, replay) == ("The seal is intact.", "Played again: truth and records agree.")
     assert sealing == "sealed: random seed of 128 bits, stored only with the truth"
+
+
+@pytest.mark.parametrize(
+    ("bat", "procedure", "metric"),
+    [
+        ("r161", "astm-f1881", "bat_performance_factor"),
+        # converted to a standard ball; at the center of percussion the recoil would not matter
+        ("ea70", vl.procedure("bbcor").with_(recoil="free"), "restitution"),
+        ("ea70", "ncaa-modified", "batted_speed"),
+    ],
+)
+def test_without_errors_the_true_metric_of_each_hit_is_the_measured_one(
+    bat: str, procedure: Any, metric: str, tmp_path: Path
+) -> None:
+    test = vl.certify(bat, procedure=procedure, reality="ideal")
+    rows = score_folder(test.save(tmp_path / "ideal")).document
+    hits = [row for name, row in rows.items() if name.startswith(f"{metric}_shot_")]
+    assert len(hits) == test.shots["used"].sum()
+    assert [row["true_value"] for row in hits] == pytest.approx([row["value"] for row in hits])
 
 
 def test_litter_is_ignored_and_named(folder: Path) -> None:

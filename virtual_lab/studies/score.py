@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import sqrt
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from virtual_lab.certificate.comparing import Mismatch, RowState
 from virtual_lab.certificate.seal import TRUTH, compared_seal
@@ -23,7 +26,9 @@ from virtual_lab.files import litter, read_bytes, read_json
 from virtual_lab.lab import BatTest
 from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
 from virtual_lab.lab.recipe import Recipe
-from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
+from virtual_lab.lab.true_metric import TrueCurve
+from virtual_lab.measurement.procedure.choice import variances_within
+from virtual_lab.measurement.procedure.model import AS_FOUND, CONTROL, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
@@ -32,10 +37,13 @@ from virtual_lab.output.rounding import decimals, with_unit
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.records.origin import REHEARSAL
 from virtual_lab.studies.replay import compared_replay, play_again
+from virtual_lab.uncertainty.budget import HITS
+from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
+OF_HIT = ("place", "collision_efficiency", "ball_restitution")  # true values of each shot
 STATED = ("seal", "state", "unchecked", "sealing", "faults", "sheets", "ignored")  # keys of JSON
 
 
@@ -145,13 +153,62 @@ def score(
     }
 
 
-def hit_scores(certificate: Mapping[str, Any], truth: Mapping[str, Any]) -> Iterator[QuantityScore]:
-    """Yield the e_A of each hit of the result; the true one is that where the ball really hit."""
-    for each in filter(itemgetter("used"), certificate["shots"]):
+def hit_scores(
+    certificate: Mapping[str, Any], truth: Mapping[str, Any], test: BatTest | None = None
+) -> Iterator[QuantityScore]:
+    """Yield the e_A of each hit of the result, and then the metric of each hit.
+
+    The true values are those of the hit's own ball where it really hit. The u of the metric has two
+    parts: the scatter of the hits at one position, and the part of the certificate's u that all
+    hits share. There is no u without two hits at one position.
+
+    Parameters
+    ----------
+    certificate
+        Content of ``certificate.json``.
+    truth
+        Content of ``truth.json``.
+    test
+        The test played again, which has the true metrics. If it is None, only e_A is yielded.
+    """
+    hits, metric = [*filter(itemgetter("used"), certificate["shots"])], certificate["metric"]
+    for each in hits:
         recoil, rebound, shot = each["recoil_efficiency"], each["rebound_efficiency"], each["shot"]
         measured = {"value": rebound if recoil is None else recoil, "u": None}
         name = f"collision_efficiency_shot_{shot + 1}"
         yield QuantityScore.of(name, measured, truth["shots"]["collision_efficiency"][shot])
+    if test is None or not set(OF_HIT) <= test.sealed.shots.keys():
+        return
+    value, place = np.array([(each["value"], each["impact_position_in"]) for each in hits]).T
+    variance, freedom = variances_within(np.zeros(len(hits), int), place, value, 1)
+    scatter = sum(row["contribution"] for row in certificate["budget"] if row["component"] == HITS)
+    u = sqrt(metric["u"] ** 2 - scatter**2 + variance[0]) if freedom[0] else None
+    true = _true_metrics(test, [each["ball"] for each in certificate["shots"]])
+    for each in hits:
+        measured, shot = {**each, "name": metric["name"], "u": u}, each["shot"]
+        name = f"{metric['name']}_shot_{shot + 1}"
+        yield QuantityScore.of(name, measured, float(true[shot]), metric["unit"])
+
+
+def _true_metrics(test: BatTest, balls: Sequence[int]) -> Array:
+    """Return the true metric of each shot, (shot,) [SI]. `balls` are the numbers of the balls."""
+    truth, procedure = test.sealed, test.certification.procedure
+    bat, (place, e_A, e0) = truth.bat.rigid, (truth.shots[name] for name in OF_HIT)
+    axis = bat.length - procedure.pivot_from_knob
+    yielding = (axis - place) ** 2 / bat.inertia(axis)  # 1 / effective mass
+    if procedure.recoil == "free":
+        yielding = 1 / bat.mass + (place - bat.z_cm) ** 2 / bat.inertia_cm
+    r = yielding * truth.balls.mass[balls]
+    curve = TrueCurve(
+        procedure=procedure,
+        bat=bat,
+        position=place,
+        collision_efficiency=e_A,
+        restitution=e_A * (1 + r) + r,
+        recoil_factor=r,
+        ball_restitution=e0,
+    )
+    return curve.metric(truth.constants.get(CONTROL, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -258,6 +315,7 @@ def score_folder(
         result = replace(result, sheets=tuple(recipe.sheets))
         is_rehearsed = result.sealing == REHEARSAL
         test = play_day(folder) if is_rehearsed else play_again(recipe, progress)
+        result = replace(result, **_score_files(folder, certificate, truth, test))
         again = [*compared_replay(folder, test)]
     except InputError as fault:
         if not (result.rows or changed):
@@ -274,7 +332,10 @@ def score_folder(
 
 
 def _score_files(
-    folder: Path, certificate: Mapping[str, Any], truth: Mapping[str, Any]
+    folder: Path,
+    certificate: Mapping[str, Any],
+    truth: Mapping[str, Any],
+    test: BatTest | None = None,
 ) -> dict[str, Any]:
     """Return the fields on the scores, on the seed and on the faults of the day, keyed by name.
 
@@ -282,7 +343,7 @@ def _score_files(
     """
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
-        rows += tuple(hit_scores(certificate, truth)) if rows else ()
+        rows += tuple(hit_scores(certificate, truth, test)) if rows else ()
         json.dumps([asdict(row) for row in rows], allow_nan=False)  # rejects NaN and infinity
         return {
             "sealing": certificate["simulation"].get("sealing"),
