@@ -147,6 +147,10 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
     with_truth = names_in(visitor.ask("/run/1/zip?truth=yes"))
     assert names_in(visitor.ask("/run/1/zip")) == with_truth - {"truth.json", "seal.json"}
     assert {"truth.json", "certificate.json"} < with_truth
+    scored = finish(visitor, "score", f"folder={quote(str(made))}".encode())
+    assert re.findall(r'<a href="/run/(\d+)">FAIL: e ', scored.text) == ["1"]
+    assert "restitution_shot_" in scored.text
+    assert "Of the result" not in visitor.ask("/run/1").text
 
 
 def test_a_run_is_listed_with_the_number_of_its_correction(tmp_path: Path) -> None:
