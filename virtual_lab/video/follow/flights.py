@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -65,11 +66,21 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     for _ in range(4):
         if not flights:
             return [], None
-        flights = _align(scene, flights, fit_flights(scene, flights))
-        flights = without_contacts(scene, _refill(scene, flights, fit_flights(scene, flights)))
+        before, fit = _positions(flights), fit_flights(scene, flights)
+        flights = _align(scene, flights, fit)
+        if _positions(flights) != before:
+            fit = fit_flights(scene, flights)
+        flights = without_contacts(scene, _refill(scene, flights, fit))
         flights = [each for each in flights if len(each.t) >= GROWTH.least_places]
-    fit = fit_of_falls(scene, flights) if flights else None
-    return (flights, fit) if fit else ([], None)
+        if _positions(flights) == before:
+            break
+    falls = fit_of_falls(scene, flights) if flights else None
+    return (flights, falls) if falls else ([], None)
+
+
+def _positions(flights: Sequence[Piece]) -> list[list[Any]]:
+    """Return the blobs and times of each flight."""
+    return [[*each.blobs, *each.t] for each in flights]
 
 
 def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:

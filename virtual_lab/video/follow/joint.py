@@ -218,10 +218,11 @@ def fit_flights(
     # Drag and tilt are fixed, because a pattern would be mistaken for drag, and the plane is known.
     if model.sharp:
         u[k : k + 4] = 0.0
-    alike = 1.0
+    vector, alike = before.copy(), 1.0
+    vector[k + 5 :].reshape(-1, 4)[:, :2] = [each.xy.mean(axis=0) for each in flights]
     # Correlated errors of neighboring positions reduce the weight of each position.
     for _ in range(1 if model.sharp else 2):
-        vector, inverse, weighted, room = _solve(model, before, u, k, alike)
+        vector, inverse, weighted, room = _solve(model, vector, before, u, k, alike)
         left = model.xy - model.places(vector)
         alike = _alike(left, of)
     off = np.hypot(*left.T) / model.place_u
@@ -264,7 +265,7 @@ def fit_flights(
 
 
 def _solve(
-    model: _FlightModel, before: Array, u: Array, k: int, alike: float
+    model: _FlightModel, start: Array, before: Array, u: Array, k: int, alike: float
 ) -> tuple[Array, Array, Array, float]:
     """Return parameters, their covariance, their weighted Jacobian, and the limit of outliers.
 
@@ -272,6 +273,8 @@ def _solve(
 
     Parameters
     ----------
+    start
+        Parameters from which the method starts.
     before, u
         Prior values of the parameters and their u, inf for an unknown value and 0 for a fixed
         value.
@@ -280,9 +283,7 @@ def _solve(
     alike
         Number of positions whose errors are equivalent to one independent error.
     """
-    free, vector = np.flatnonzero(u > 0), before.copy()
-    for n in range(model.of[-1] + 1):
-        vector[k + 5 + 4 * n :][:2] = model.xy[model.of == n].mean(axis=0)
+    free, vector = np.flatnonzero(u > 0), start.copy()
     reach = max(1.0, float(np.abs(model.dt).max()))
     steps = np.tile([0.1, 0.1, 0.1 / reach, 0.1 / reach], model.of[-1] + 1)
     steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6, 1e-2, 1e-2], steps])

@@ -40,17 +40,18 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 
     With fewer than two repeated frames, the first interpretation is used. If more than 40 % of the
     frames are repeated, every frame was stored twice, and the second one is used. Otherwise both
-    are tried. Blobs that are the dark side of a ball are used, and left out, if there are any. The
-    result with more positions on flights and less scatter is used.
+    are tried. If pieces of motion contain blobs that are the dark side of a ball, the search is
+    repeated without such blobs. The result with more positions on flights and less scatter is used.
     """
     doubled = same.mean() > EVERY_OTHER
     readings = sorted({doubled, doubled or same.sum() > 1})
     scenes = [clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings]
-    if (shaded := watched.blobs["shaded"]).any():
+    results, shaded = [_read(watched, knowledge, each) for each in scenes], watched.blobs["shaded"]
+    if any(shaded[piece.blobs].any() for _, each in results for piece in each.pieces):
         blobs = watched.blobs.copy()
         blobs["cut"] |= shaded
-        scenes += [replace(each, blobs=blobs) for each in scenes]
-    return max((_read(watched, knowledge, each) for each in scenes), key=lambda each: each[0])[1]
+        results += [_read(watched, knowledge, replace(each, blobs=blobs)) for each in scenes]
+    return max(results, key=lambda each: each[0])[1]
 
 
 def clip_scene(
