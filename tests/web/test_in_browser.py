@@ -25,6 +25,10 @@ LOOKS = [(320, "dark"), (1280, "light")]
 CUT = """frame => { const whole = frame.contentDocument.documentElement;
 return frame.offsetHeight < whole.scrollHeight || whole.scrollWidth > whole.clientWidth; }"""
 
+# whether the cross is in the part of the picture that is shown
+IN_VIEW = """[one(".stage path"), one(".view")].map(each => each.getBoundingClientRect())
+.reduce((cross, view) => view.left <= cross.left && cross.right <= view.right)"""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -154,7 +158,12 @@ def student(page: Any, tmp_path_factory: pytest.TempPathFactory) -> str:
     for _ in range(3):
         page.click("[aria-label='Next frame']")
     shows(page, 3)
+    clear = page.get_by_role("button", name="Clear: The ball in one frame")
+    assert clear.count() == 0  # hidden, and so without a role
     drag(page, (100, 70))
+    clear.click()
+    assert values(page, "ball_at") == []
+    page.keyboard.press("Control+z")
     assert values(page, "ball_at") == [100, 70, 3]
     page.fill("[name=ball]", "73")
     page.click("button.main")
@@ -171,6 +180,11 @@ def student(page: Any, tmp_path_factory: pytest.TempPathFactory) -> str:
     drag(page, (200, 230), (10, 20), (2, 3))
     assert values(page, "region") == [2, 3, 198, 227]
     # two corners by keyboard: the cross is at the last point
+    press(page, ".stage", "Enter")
+    page.click("text=Undo")  # the first corner alone, which states nothing
+    page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("Shift+ArrowRight")
+    assert values(page, "region") == [2, 3, 198, 227]
     far = *["ArrowRight"] * 38, *["ArrowDown"] * 28, "Shift+ArrowDown"
     press(page, ".stage", "Enter", *far, "Enter")
     assert values(page, "region") == [2, 3, 304, 225]
@@ -200,8 +214,16 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     again = page.get_by_role("button", name="Run again")
     status = page.locator(".clip [role=status]")
     assert again.is_disabled()
+    press(page, ".stage", "PageDown", "Delete")
+    remove, undo = (page.get_by_role("button", name=name) for name in ("Remove", "Undo"))
+    assert remove.is_disabled()
+    page.fill("[data-flight]", "7")  # of a position that is not yet set
+    press(page, ".stage", "Control+z")
+    assert status.inner_text().endswith("flight 1")
+    assert undo.is_disabled()
+    assert again.is_disabled()
     moves = "PageDown", "Shift+ArrowRight", "Shift+ArrowUp", "Enter"
-    press(page, ".stage", "PageDown", "Delete", *moves)
+    press(page, ".stage", "Delete", *moves)
     x, y = rows["x_px"][2] + 6, rows["y_px"][2] - 1
     assert status.inner_text() == f"Frame 2: the ball at {x:.1f}, {y:.1f} px, flight 1"
     page.click("[aria-label='Previous frame']")
@@ -212,7 +234,12 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     assert status.inner_text() == "Frame 11: the ball at 262.0, 190.0 px, flight 1"
     page.click("text=Remove this position")
     assert status.inner_text() == "Frame 11: no position"
+    width = page.locator(".stage").bounding_box()["width"]
+    page.select_option("[data-zoom]", "2")
+    assert page.locator(".stage").bounding_box()["width"] == pytest.approx(2 * width, rel=0.02)
     drag(page, (261, 191))
+    press(page, ".stage", *["ArrowLeft"] * 30)
+    assert page.evaluate(IN_VIEW)
     page.fill("[data-flight]", "")
     assert status.inner_text() == "Frame 11: the ball at 261.0, 191.0 px, outside flights"
     page.fill("[data-flight]", "1")

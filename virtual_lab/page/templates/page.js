@@ -14,8 +14,8 @@ async function follow() {
 if (running) setTimeout(follow, 500); else setInterval(() => fetch("/icon.svg", { cache: "reload" }).catch(() => 0), 60000);
 // a page in full height, and its print
 all("iframe").forEach(frame => {
-  const whole = () => frame.contentDocument.documentElement;
-  addEventListener("load", () => new ResizeObserver(() => { frame.style.height = `${whole().offsetHeight + 24}px`; }).observe(whole()));
+  const fit = () => { frame.style.height = `${frame.contentDocument.documentElement.offsetHeight + 24}px`; };
+  addEventListener("load", () => new ResizeObserver(fit).observe(frame.contentDocument.documentElement));
   one("[data-print]").addEventListener("click", () => frame.contentWindow.print());
 });
 // uploads with progress
@@ -37,7 +37,6 @@ function offer(control, path, title) {
 }
 async function upload(input, place) {
   const [bar, words, folder] = [one("progress", place), one("output", place), input.webkitdirectory];
-  bar.hidden = false;
   try {
     let stored;
     for (const file of input.files) {
@@ -46,12 +45,9 @@ async function upload(input, place) {
     }
     offer(document.getElementById(place.dataset.for), ...(folder ? [stored.folder, stored.folder.split(/[\\/]/).at(-1)] : [stored.path, stored.title]));
     words.textContent = "stored and chosen";
-  } catch (fault) { words.textContent = fault.message; }
-  bar.hidden = true;
+  } catch (fault) { [words.textContent, bar.value] = [fault.message, 0]; }
 }
-all(".upload").forEach(place => {
-  place.addEventListener("change", ({ target }) => target.files.length && upload(target, place));
-});
+all(".upload").forEach(place => place.addEventListener("change", ({ target }) => target.files.length && upload(target, place)));
 // a clip: points set in its frames become fields of the form, or correct the track of a result
 const panel = one(".clip");
 if (panel) {
@@ -62,7 +58,7 @@ if (panel) {
   const field = name => one(`[name="${name}"]`);
   const numbers = name => (field(name)?.value.match(/[\d.]+/g) ?? []).map(Number);
   const kind = () => part("[type=radio]:checked")?.value;
-  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, rows = [];
+  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, rows = [], past = []; // past: functions that undo the changes
   const here = () => rows.find(row => +row.frame === +slide.value);
   // the drift of the camera in the shown frame, from those of the positions around it
   const drift = () => {
@@ -85,7 +81,10 @@ if (panel) {
       scale.length > 3 && line(scale.slice(0, 2), scale.slice(2, 4)),
       ...rows.map(each => circle(spot(each, shift), each === row ? +each.radius_px || 0 : r / 6)),
     ].filter(Boolean).join("");
+    part("[data-undo]").disabled = !corner && !past.length;
+    all("[data-clear]", panel).forEach(each => { each.hidden = !field(each.dataset.clear).value; });
     if (!track) return;
+    [part("[data-remove]").disabled, part("button.main").disabled] = [!row, !past.length || !rows.length];
     if (row) [flight.value, radius.value] = [row.flight, row.radius_px];
     words.textContent = `Frame ${slide.value}: ${row ? `the ball at ${spot(row).map(each => each.toFixed(1)).join(", ")} px, ${row.flight ? `flight ${row.flight}` : "outside flights"}` : "no position"}`;
   };
@@ -101,70 +100,71 @@ if (panel) {
     draw();
     busy ?? show();
   };
-  const put = (name, text) => {
+  const put = (name, text, changes = past) => {
+    changes.push(put.bind(null, name, field(name).value, []));
     field(name).value = text;
-    words.textContent = `${one(`label[for="f-${name}"]`).textContent}: ${text}`;
+    words.textContent = `${one(`label[for="f-${name}"]`).textContent}: ${text || "not stated"}`;
+    draw();
   };
   const change = values => {
-    const row = here();
+    const [row, before, frame] = [here(), rows, slide.value];
+    past.push(() => { [rows, slide.value] = [before, frame]; });
     rows = [...rows.filter(each => each !== row), ...values ? [{ ...row, ...values }] : []].sort((a, b) => a.frame - b.frame);
-    part("button.main").disabled = !rows.length;
     step();
   };
+  const undo = () => step(corner ? words.textContent = "" : past.pop()(), corner = null);
   const set = () => {
     const [drift_x_px, drift_y_px] = drift();
     if (track) return change({ frame: slide.value, flight: flight.value, radius_px: radius.value, x_px: cross[0] - drift_x_px, y_px: cross[1] - drift_y_px, drift_x_px, drift_y_px });
     const [[x, y], [u, v] = []] = [cross = cross.map(Math.round), corner ?? []];
-    const two = kind() !== "ball_at";
-    corner = two && !corner ? cross : null;
-    if (corner) words.textContent = "Set the second point.";
-    else if (!two) put("ball_at", `${x},${y}@${slide.value}`);
-    else if (kind() === "scale") put("scale", `${u},${v}:${x},${y}=${part("[data-length]").value.replace(/ /g, "")}`);
-    else put("region", [Math.min(x, u), Math.min(y, v), Math.abs(u - x), Math.abs(v - y)].join());
-    draw();
+    const region = [Math.min(x, u), Math.min(y, v), Math.abs(u - x), Math.abs(v - y)].join();
+    const scale = `${u},${v}:${x},${y}=${part("[data-length]").value.replace(/ /g, "")}`;
+    corner = kind() === "ball_at" || corner ? null : cross;
+    if (corner) draw(words.textContent = "Set the second point.");
+    else put(kind(), { ball_at: `${x},${y}@${slide.value}`, region, scale }[kind()]);
   };
   const move = (right, down) => {
     cross = [[cross[0] + right, size.width], [cross[1] + down, size.height]].map(([at, end]) => Math.min(Math.max(at, 0), end - 1));
     draw();
   };
   // a click sets a point, a drag two
-  const pointer = {
-    pointerdown: event => { drag = cross; stage.setPointerCapture(event.pointerId); },
-    pointermove: () => { if (["scale", "region"].includes(kind()) && Math.hypot(cross[0] - drag[0], cross[1] - drag[1]) > size.width / 100) corner = drag.map(Math.round); },
-    pointerup: () => { drag = set(); },
-    pointercancel: () => { drag = corner = null; },
-  };
-  Object.entries(pointer).forEach(([name, act]) => stage.addEventListener(name, event => {
+  const on = (name, act) => stage.addEventListener(name, event => {
     if (name === "pointerdown" ? event.button : !drag) return;
     const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse());
     move(at.x - cross[0], at.y - cross[1]);
     act(event);
     draw();
-  }));
-  const go = frames => step(slide.stepUp(frames));
+  });
+  on("pointerdown", event => { drag = cross; stage.setPointerCapture(event.pointerId); });
+  on("pointermove", () => { if (["scale", "region"].includes(kind()) && Math.hypot(cross[0] - drag[0], cross[1] - drag[1]) > size.width / 100) corner = drag.map(Math.round); });
+  on("pointerup", () => { drag = set(); });
+  on("pointercancel", () => { drag = corner = null; });
+  const look = (where = "nearest") => one("path", drawing).scrollIntoView({ block: where, inline: where });
+  const go = frames => look(step(slide.stepUp(frames)));
   stage.addEventListener("keydown", event => {
     const by = event.shiftKey ? 1 : 8;
     const moves = { ArrowLeft: () => move(-by, 0), ArrowRight: () => move(by, 0), ArrowUp: () => move(0, -by), ArrowDown: () => move(0, by) };
     const act = { ...moves, Enter: set, Delete: () => here() && change(), PageUp: () => go(-1), PageDown: () => go(1) }[event.key];
-    if (act) act(event.preventDefault());
+    if (act) { act(event.preventDefault()); look(); }
   });
   // the frames of a warning
   if (track) all("main > .soft").forEach(each => { each.innerHTML = each.innerHTML.replace(/(?<= frames [\d, ]*)\d+(?=[\d, ]* are)/g, number => `<button type="button" data-frame="${number}">${number}</button>`); });
-  all("[data-frame]").forEach(each => each.addEventListener("click", () => { slide.value = each.dataset.frame; step(); stage.focus(); }));
-  panel.addEventListener("click", ({ detail, target: { dataset } }) => {
-    if (dataset.step) go(+dataset.step);
-    if (dataset.step && detail) stage.focus(); // a click; a key stays on its button
-    if ("remove" in dataset && here()) change();
-    if (!dataset.end) return;
-    const ends = (field("frames").value || `0:${slide.max}`).split(":").with(dataset.end, slide.value);
-    if (+ends[0] >= +ends[1]) ends[1 - dataset.end] = +dataset.end ? 0 : slide.max;
+  panel.addEventListener("keydown", event => { if ((event.ctrlKey || event.metaKey) && event.key === "z" && !part("[data-undo]").disabled) undo(event.preventDefault()); });
+  const end = which => {
+    const ends = (field("frames").value || `0:${slide.max}`).split(":").with(which, slide.value);
+    if (+ends[0] >= +ends[1]) ends[1 - which] = +which ? 0 : slide.max;
     put("frames", ends.join(":"));
-    draw();
-  });
+  };
+  const acts = { step: go, end, undo, remove: () => change(), clear: name => put(name, ""), frame: number => stage.focus(step(slide.value = number)) };
+  addEventListener("click", ({ detail, target }) => Object.keys(target.dataset).filter(name => acts[name]).forEach(name => {
+    acts[name](target.dataset[name]);
+    if (detail || target.disabled || target.hidden) stage.focus(); // a key stays on its button
+  }));
   addEventListener("input", ({ target }) => {
     if (!size) return;
     if (target === slide) return step();
     if (target.type === "radio") corner = null;
+    if ("zoom" in target.dataset) look("center", stage.style.setProperty("--zoom", target.value));
     if (here() && [flight, radius].includes(target)) change({ flight: flight.value, radius_px: radius.value });
     if ("length" in target.dataset && field("scale").value) put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`);
     draw();
@@ -185,8 +185,8 @@ if (panel) {
     const [head, ...lines] = track ? (await (await fetch(track)).text()).trim().split(/\r?\n/).map(each => each.split(",")) : [];
     rows = lines.map(cells => Object.fromEntries(head.map((name, n) => [name, cells[n]]))).filter(row => row.x_px);
     size = await answer.json();
-    [cross, slide.max] = [[size.width / 2, size.height / 2].map(Math.round), size.count - 1];
-    Object.assign(stage.style, { aspectRatio: size.width / size.height, maxWidth: `${75 * size.width / size.height}vh` });
+    [cross, slide.max, past.length] = [[size.width / 2, size.height / 2].map(Math.round), size.count - 1, 0];
+    Object.assign(stage.style, { aspectRatio: size.width / size.height, maxWidth: `calc(var(--zoom, 1) * ${75 * size.width / size.height}vh)` });
     drawing.setAttribute("viewBox", `-.5 -.5 ${size.width} ${size.height}`);
     slide.value = (track ? rows[0]?.frame : sessionStorage[chosen.value]) ?? 0;
     if (track) radius.value = rows[0]?.radius_px ?? (size.width / 60).toFixed(1);
