@@ -295,6 +295,7 @@ def test_an_unchanged_track_gives_the_same_result(
         return scale["from"], scale["metres_per_pixel"], scale["relative_u"]
 
     same = again()
+    assert same["warnings"][0].startswith("positions by hand: none changed; before, fastest: ")
     assert same["flags"] == document["flags"]
     assert scale_of(same)[0] == scale_of(document)[0]
     assert scale_of(same)[1:] == pytest.approx(scale_of(document)[1:], rel=1e-4)
@@ -311,6 +312,26 @@ def test_an_unchanged_track_gives_the_same_result(
     first, late = document["flights"][0]["speed_out_m_per_s"], moved["flights"][0]
     assert late["speed_out_m_per_s"]["value"] != pytest.approx(first["value"], rel=1e-4)
     assert abs(late["speed_out_m_per_s"]["value"] - first["value"]) < first["u"]
+    assert moved["warnings"][0].startswith("positions by hand: 1 changed; before, fastest: ")
+
+
+def test_the_changes_of_a_correction_and_the_answer_before_are_stated(
+    thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """Two positions are moved, one is removed, another one is added."""
+    clip, out, _ = thrown
+    rows = pd.read_csv(out / "track.csv")
+    rows.loc[[2, 4], "y_px"] += 1.5
+    added = rows.iloc[-1].copy()
+    added[["frame", "x_px"]] += [1, added["x_px"] - rows.iloc[-2]["x_px"]]
+    rows = pd.concat([rows.drop(index=6), added.to_frame().T])
+    rows.to_csv(tmp_path / "corrected.csv", index=False)
+    words = {"ball": "80mm±0.8mm", "fps": 30, "frames": "16:51"}
+    before = vl.track(clip, **words).text.partition("\n")[0]
+    track = vl.track(clip, corrected=tmp_path / "corrected.csv", **words)
+    said = f"positions by hand: 2 changed, 1 removed, 1 added; before, {before}"
+    assert track.document["warnings"][0] == said
+    assert f"\n  note: {said}\n" in track.text
 
 
 def test_flights_at_the_same_time_are_refused(

@@ -238,6 +238,8 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     again.click()
     page.wait_for_url(lambda url: not url.endswith(student))
     page.wait_for_selector(".answer:has-text('Fastest')")
+    said = "Positions by hand: 2 changed, 1 removed; before, fastest: "
+    assert page.locator("main > .soft").filter(has_text=said).count() == 1
     rows.loc[2, ["x_px", "y_px"]] += [1.0, -1.0]
     rows.loc[11, ["x_px", "y_px"]] = [256.0, 191.0]  # without the drift
     corrected = folder / "uploads" / "a.avi-corrected.csv"

@@ -162,7 +162,13 @@ def test_a_run_is_listed_with_the_number_of_its_correction(tmp_path: Path) -> No
 def test_a_result_without_a_sentence_has_its_first_line() -> None:
     flagged = {"flags": ["LATE"], "warnings": ["late by 2 s"]}
     certified = {"flags": [{"name": "drift", "sentence": "long"}]}
-    cases = ({}, [], []), (flagged, ["LATE"], ["late by 2 s"]), (certified, ["drift"], [])
+    noted = {"flags": [], "warnings": ["2 positions by hand"]}
+    cases = (
+        ({}, [], []),
+        (noted, [], noted["warnings"]),
+        (flagged, ["LATE"], ["late by 2 s"]),
+        (certified, ["drift"], []),
+    )
     for document, flags, warnings in cases:
         result = Answer(document=document, text="\n slope of e_A\nmore")
         said = {"answer": "Slope of e_A", "flags": flags, "warnings": warnings}

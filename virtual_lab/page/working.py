@@ -87,12 +87,11 @@ def carry_out_run(path: Path) -> None:
 
 def answer_of(result: Any) -> dict[str, Any]:
     """Return the answer of a result, its first line, its flags, and its warnings."""
-    sentence, document = result.text.strip().partition("\n")[0] or "Done", result.document
-    flags = document.get("flags", []) if isinstance(document, dict) else []
-    names = [each["name"] if isinstance(each, dict) else each for each in flags]
-    warnings = document.get("warnings", []) if flags else []
+    sentence = result.text.strip().partition("\n")[0] or "Done"
+    document = result.document if isinstance(result.document, dict) else {}
+    names = [each["name"] if isinstance(each, dict) else each for each in document.get("flags", [])]
     answer = sentence[:1].upper() + sentence[1:]
-    return {"answer": answer, "flags": names, "warnings": warnings}
+    return {"answer": answer, "flags": names, "warnings": document.get("warnings", [])}
 
 
 def write_json(path: Path, content: object) -> None:

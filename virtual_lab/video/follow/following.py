@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from virtual_lab.errors import worded
+from virtual_lab.errors import InputError, worded
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.calibration.plane import PixelScale
@@ -75,6 +76,7 @@ class FollowedClip(FlightsFound):
     drag_per_m: float | None
     sharp: SharpBall | None  # sharp positions of the ball, if the camera is calibrated
     notes: tuple[Note, ...]
+    uncorrected: FollowedClip | None = None  # the result without positions by hand
 
     @property
     def lost(self) -> dict[int, int]:
@@ -146,9 +148,13 @@ def follow_blobs(
         watched, result = register(clip, watched, result)
         if result.ways and not fit_of_falls(result.scene, result.ways):
             result = replace(result, ways=[])
-    if knowledge.by_hand is not None:
-        result = corrected(result, knowledge.by_hand)
-    return measure(clip, watched, knowledge, result, sharp=sharp, earlier=notes)
+    made = partial(measure, clip, watched, knowledge, sharp=sharp, earlier=notes)
+    if knowledge.by_hand is None:
+        return made(result)
+    track = made(corrected(result, knowledge.by_hand))
+    with suppress(InputError):  # a track that could not be used, and was corrected therefore
+        track = replace(track, uncorrected=made(result))
+    return track
 
 
 def measure(

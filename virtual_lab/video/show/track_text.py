@@ -19,10 +19,13 @@ from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.following import Flight, FollowedClip
 from virtual_lab.video.follow.knowledge import GRAVITY
 from virtual_lab.video.follow.ruler import SAID, off_u
+from virtual_lab.video.show.course import course_of, course_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
+SET = ["x_px", "y_px", "radius_px"]  # columns of a position that a user may change
+CHANGED = 0.01  # smallest change by hand [pixels]; a file has seven digits
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 Row = dict[str, Any]
 ESTIMATED = {  # columns of measured values, each with a column of its u
@@ -209,6 +212,19 @@ def track_text(track: FollowedClip) -> str:
     flagged = {worded(words) for flag, words in track.notes if flag}
     lines += [f"  {'warning' if each in flagged else 'note'}: {each}" for each in track.warnings]
     return "\n".join(lines)
+
+
+def correction_text(before: FollowedClip, track: FollowedClip) -> str:
+    """Return a sentence on the positions that were changed by hand, and the answer before."""
+    old, new = (course_table(course_of(each)).set_index("frame")[SET] for each in (before, track))
+    counts = {
+        "changed": ((old - new).abs().max(axis=1) > CHANGED).sum(),
+        "removed": len(old.index.difference(new.index)),
+        "added": len(new.index.difference(old.index)),
+    }
+    said = ", ".join(f"{count} {how}" for how, count in counts.items() if count)
+    answer = _fastest(before) if before.flights else "no flight"
+    return f"positions by hand: {said or 'none changed'}; before, {answer}"
 
 
 def _fastest(track: FollowedClip) -> str:

@@ -35,6 +35,7 @@ from virtual_lab.video.follow.ruler import DRAG_COEFFICIENT
 from virtual_lab.video.show.course import course_table
 from virtual_lab.video.show.track_text import (
     OF_FLIGHT,
+    correction_text,
     estimate_table,
     flight_rows,
     track_document,
@@ -86,7 +87,9 @@ def track_clip(
     if "phone" in said:  # the option makes these notes unnecessary
         messages = tuple(each for each in messages if not each[1].startswith(STANDING))
         messages = tuple(each for each in messages if each[0] != "READOUT_UNKNOWN")
-    return replace(track, notes=messages, clip=clip.trim_memory())
+    if track.uncorrected:
+        messages = (("", correction_text(track.uncorrected, track)), *messages)
+    return replace(track, notes=messages, uncorrected=None, clip=clip.trim_memory())
 
 
 def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
