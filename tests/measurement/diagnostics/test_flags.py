@@ -19,6 +19,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.measurement.diagnostics.bench import _worst_release, wall_drift
 from virtual_lab.measurement.diagnostics.flag import REMARKED, Pairs, chances, pairs
+from virtual_lab.measurement.diagnostics.impact import AIM_ALONG, _scatter
 from virtual_lab.measurement.reduction.observations import BallReadings
 from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
 from virtual_lab.records.session import Session
@@ -245,6 +246,19 @@ def test_one_rebound_is_enough_to_detect_a_wrong_encoder(sound: Session, left: i
     scale = replace(sound.calibration[key], value=1.05 * sound.calibration[key].value)
     certification = certify_session(replace(few, calibration={**sound.calibration, key: scale}))
     assert certification.reasons == ("flag recoil-and-rebound",)
+
+
+def test_shots_and_aim_marks_give_one_pooled_variance() -> None:
+    """The oracle is the pooled variance of scipy's t-test of two samples."""
+    shots, marks, lever = np.array([0.31, 0.27, 0.34]), np.array([[4.0, 1.0, -2.0, 6.0]]), -0.02
+    mean, u = shots.mean(keepdims=True), stats.sem(shots)
+    evidence = SimpleNamespace(mean_of=lambda *_: (mean, np.array([u]), np.array([3.0])))
+    shared = SimpleNamespace(names=(AIM_ALONG,), sensitivity=np.array([[lever]]))
+    square, degrees = _scatter(evidence, shots, shots > 0, shared, marks)
+    two = stats.ttest_ind(shots, lever * marks[0])
+    apart = mean - lever * marks.mean()
+    assert square == pytest.approx((apart / two.statistic) ** 2 / (1 / 3 + 1 / 4))
+    assert degrees == two.df
 
 
 def test_a_contradiction_is_on_every_certificate(sound: Session) -> None:
