@@ -29,6 +29,7 @@ def each_form_is_made_once() -> Iterator[None]:
     forms: dict[tuple[object, ...], Any] = {}
     files: dict[int, object] = {}  # digest of the records of a session
     load, certify = verifying.load_session, verifying.certify_session
+    read_pdf = verifying.text_of_pdf
 
     def load_session(folder: Path) -> Session:
         key = tuple(
@@ -50,6 +51,11 @@ def each_form_is_made_once() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(verifying, "load_session", load_session)
         patch.setattr(verifying, "certify_session", certify_session)
+        patch.setattr(
+            verifying,
+            "text_of_pdf",
+            lambda path: kept("text", path.read_bytes(), lambda: read_pdf(path)),
+        )
         for name in ("certificate_page", "certificate_pdf"):
             make = getattr(verifying, name)
             patch.setattr(

@@ -647,17 +647,17 @@ class CertificateDocument(Spec):
 
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON values."""
-        content = asdict(self)
-        for name in OPTIONAL:
-            if content[name] is None:
-                del content[name]
-        document: dict[str, Any] = _lists(content)
+        document: dict[str, Any] = json.loads(self.text)
         return document
 
     @cached_property
     def text(self) -> str:
         """The text of ``certificate.json``, from which every form is made."""
-        return text_of(self.as_json())
+        content = asdict(self)
+        for name in OPTIONAL:
+            if content[name] is None:
+                del content[name]
+        return text_of(content)
 
     @cached_property
     def number(self) -> str:
@@ -817,11 +817,3 @@ def read_document(path: Path) -> CertificateDocument:
     Raises `InputError` if the file cannot be read, and for the errors listed in `document_of`.
     """
     return document_of(read_json(path), str(path))
-
-
-def _lists(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _lists(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_lists(item) for item in value]
-    return value
