@@ -234,8 +234,11 @@ def test_gravity_stays_the_ruler_after_lost_frames_are_corrected(followed: Follo
 def test_an_unknown_rate_is_fitted_by_gravity(followed: Followed) -> None:
     """A file plays 60 frames per second at 15; the ball's size and gravity give the rate."""
     made, result = followed("flat")
+    words = "the frame rate is the file's own, 15 per second"  # as of a file
+    result = replace(result, clip=replace(result.clip, warnings=(words,)))
     slow = again(result, rate=15.0, rate_of="file")
     assert "RATE_FITTED" in slow.flags
+    assert words not in slow.warnings
     said = track_document(slow)["frames_per_second"]
     assert said["from"] == "gravity"
     assert abs(said["value"] - 60.0) < 2 * said["u"] < 4.0
@@ -245,6 +248,7 @@ def test_an_unknown_rate_is_fitted_by_gravity(followed: Followed) -> None:
     right = again(result, rate_of="file")
     assert right.knowledge.rate == 60.0
     assert right.scale == result.scale
+    assert words in right.warnings
 
 
 def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: Followed) -> None:

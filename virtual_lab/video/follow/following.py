@@ -15,7 +15,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.timing import UNREAD
+from virtual_lab.video.clips.timing import UNREAD, UNSURE_RATE
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.correction import corrected
@@ -191,7 +191,9 @@ def measure(
     pieces = search.pieces
     scene, ways = turn_back(search.scene, search.ways, watched)
     notes = [*earlier]
-    notes += [("FRAMES_UNREAD" if UNREAD in words else "", words) for words in clip.warnings]
+    for words in clip.warnings:
+        if knowledge.rate_of != GRAVITY or not words.startswith(UNSURE_RATE):  # not a fitted rate
+            notes.append(("FRAMES_UNREAD" if UNREAD in words else "", words))
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
