@@ -417,7 +417,7 @@ def test_a_legend_has_the_sign_of_what_it_names(
     spoilt = hits_figure(replace(document, shots=(*document.shots[:-1], last)))
     swings = str(certificate_figures(swung)["swings_figure"])
     for drawn, label, sign in (
-        (spoilt, "95 % interval", 'V3H0Z" fill="#d9d9d9"'),
+        (spoilt, "95 % interval of the mean", 'V3H0Z" fill="#d9d9d9"'),
         (spoilt, "mean", 'd="M0 0H14" stroke="black" stroke-width="0.9"/>'),
         (spoilt, "valid hit", '<circle r="2.4" fill="black"'),
         (spoilt, "invalid hit", '<path d="M-2.4 -2.4L2.4 2.4M-2.4 2.4L2.4 -2.4"'),

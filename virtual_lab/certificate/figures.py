@@ -339,8 +339,9 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
         x_ticks=None if scan or len(across) > 30 else across,
     )
     if document.states_result and metric.value is not None:
-        panel.band(interval[0], interval[1], "95 % interval")
-        panel.level(printed.in_unit(metric.value), "result" if scan else "mean")
+        which = "result" if scan else "mean"
+        panel.band(interval[0], interval[1], f"95 % interval of the {which}")
+        panel.level(printed.in_unit(metric.value), which)
     for label, rows, fill, cross in _kinds(measured, scan):
         points = [(x, printed.in_unit(row.value)) for x, row in rows if row.value is not None]
         if points:

@@ -49,9 +49,9 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
             if kind.any():
                 axes.plot(across[kind], values[kind], marker, color=color, mfc=fill, label=label)
         if certification.metric:
-            low, high = (printed.in_unit(end) for end in certification.metric.interval_95)
+            ends = map(printed.in_unit, certification.metric.interval_95)
             value = printed.in_unit(certification.metric.value)
-            axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
+            axes.axhspan(*ends, color=INTERVAL_GREY, zorder=0, label="95 % interval of the result")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
         curve = (
             curve_of(procedure, certification.readings.position, in_result, values)

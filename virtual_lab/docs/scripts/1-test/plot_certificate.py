@@ -15,7 +15,7 @@ test = vl.certify("r161", procedure="astm-f1881", seed=7)
 figure, axes = plt.subplots()
 shot, factor = test.shots["shot"] + 1, test.shots["bat_performance_factor"]
 axes.plot(shot, factor, "o", label="valid hit")
-axes.axhspan(*test.interval, color="0.85", label="95 % interval")
+axes.axhspan(*test.interval, color="0.85", label="95 % interval of the result")
 axes.axhline(test.value, label="result")
 limit = test.document["metric"]["limit"]
 axes.axhline(limit, color="k", linestyle="--", label="limit of ASTM F1881")
