@@ -11,6 +11,7 @@ from urllib.parse import parse_qs, parse_qsl, urlencode
 
 import pytest
 
+import virtual_lab
 from tests.asking import Answer
 from tests.web.visiting import Visitor, clip_of, form_of, words_of
 from virtual_lab.cli.commands import FunctionCommand
@@ -36,6 +37,18 @@ def test_each_exception_is_needed(visitor: Visitor) -> None:
     assert {("", key) for _, key in keys} | keys >= EXCEPTIONS.keys()
     assert len(EXCEPTIONS) <= 8
     assert OF_SHELL.findall(words_of(visitor.ask("/"))) == []
+
+
+def test_the_symbols_of_the_page_are_those_of_the_site(visitor: Visitor) -> None:
+    row = r'<tr><th scope="row"[^>]*>(.*?)</th><td[^>]*>(.*?)</td><td[^>]*>(.*?)</td>'
+    pages = Path(virtual_lab.__file__).with_name("docs")
+    lines = (pages / "what-is-what.md").read_text("utf-8").partition("## Symbols")[2].splitlines()
+    cells = (line.strip("| ").split(" | ") for line in lines if line.count(" | ") == 3)
+    stated = {(symbol, meaning, unit) for symbol, _, meaning, unit in cells}
+    plus_minus, *rows = re.findall(row, visitor.ask("/").text)
+    assert plus_minus[0] == "±"
+    assert len(rows) >= 14
+    assert set(rows) <= stated
 
 
 def unfolded(page: Answer) -> set[str]:
