@@ -143,8 +143,13 @@ def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
 
 def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
     """Only those that fit, and nothing from a result's own folder."""
-    advice = 'No certificate yet: first <a href="/form/certify">Does this bat pass?</a>'
-    assert advice in visitor.ask("/form/score").text
+    advice = "There is none in the folder yet: first"
+    for name, maker in (
+        *(("score", "certify"), ("report", "certify"), ("reduce", "template")),
+        *(("campaign check", "campaign%20run"), ("rehearse branch", "rehearse")),
+    ):
+        assert f'{advice} <a href="/form/{maker}">' in visitor.ask(f"/form/{name}").text
+    assert advice not in visitor.ask("/form/certify").text  # which needs no folder
     home, result = visitor.page.folder, ["certificate.json", "settings.toml", "truth/seal.json"]
     others = ["old/certificate.json", "a/settings.toml", "c.toml", "d.json"]
     for path in [*(home / "made" / name for name in result), *(home / name for name in others)]:

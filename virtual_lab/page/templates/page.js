@@ -70,7 +70,7 @@ if (panel) {
   const box = ([x, y], [u, v]) => line([x, y], [u, y], [u, v], [x, v], [x, y]);
   const circle = ([x, y], r) => `<circle cx="${x}" cy="${y}" r="${r}"/>`;
   const draw = () => {
-    const [[x, y], r, shift, used, row] = [cross, size.width / 60, drift(), numbers("frames"), here()];
+    const [[x, y], r, shift, used, row] = [cross, Math.hypot(size.width, size.height) / 70, drift(), numbers("frames"), here()];
     const [ball, [left, top, wide, high], scale] = ["ball_at", "region", "scale"].map(numbers);
     part("output").textContent = `${slide.value} of ${slide.max}${used.length ? `, used: ${used.join(" to ")}` : ""}`;
     drawing.innerHTML = [
