@@ -304,9 +304,13 @@ def test_an_unchanged_track_gives_the_same_result(
             assert one[name] == pytest.approx(first[name], rel=1e-4)
     for one, first in zip(same["contacts"], document["contacts"], strict=True):
         assert one["restitution"] == pytest.approx(first["restitution"], rel=1e-4)
-    rows.loc[rows.index[len(rows) // 4], "x_px"] += 2.0  # about a third of a radius
+    moved_row = rows.index[len(rows) // 4]
+    rows.loc[moved_row, "x_px"] += 2.0  # about a third of a radius
     moved = again()
-    assert moved["flags"] == document["flags"]
+    assert moved["flags"] == [*document["flags"], "POSITIONS_OFF"]
+    frame = rows.loc[moved_row, "frame"]
+    (words,) = (each for each in moved["warnings"] if "off the fitted" in each)
+    assert words.startswith(f"the position of frame {frame} is up to 1.8 pix")
     _, scale, relative_u = scale_of(document)
     assert scale_of(moved)[1] == pytest.approx(scale, rel=relative_u)
     first, late = document["flights"][0]["speed_out_m_per_s"], moved["flights"][0]

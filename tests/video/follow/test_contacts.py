@@ -1,5 +1,6 @@
 """Contributions to the u and time of a contact, for a bounce with exactly known speeds."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from tests.video.follow.test_pieces import RADIUS, blobs_of
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact, contacts_of
-from virtual_lab.video.follow.doubts import of_drag
+from virtual_lab.video.follow.doubts import of_drag, of_positions
 from virtual_lab.video.follow.flights import flights_of, meetings
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.knowledge import ClipKnowledge
@@ -83,16 +84,29 @@ def test_the_u_of_a_contact_s_time_includes_alternative_fits() -> None:
     assert np.sqrt(apart) == pytest.approx(late, rel=0.1)
 
 
-def test_positions_off_the_flight_beside_a_contact_are_flagged() -> None:
-    model, ruler = bounce(5.0), Ruler.of(SCALE, ClipKnowledge(rate=1.0))
-    for flight, ends in ((0, slice(-3, None)), (1, slice(3))):
-        residuals = [each.copy() for each in model.fit.residuals]
-        residuals[flight][ends] += 2.0
-        off = replace(model, fit=replace(model.fit, residuals=residuals))
-        ((flag, words),) = contacts_of(off, 1.0, ruler, None)[1]
-        frames = ", ".join(map(str, model.ways[flight].frames[ends]))
-        assert (flag, f"the positions of frames {frames} are" in words) == ("ENDS_OFF", True)
-    assert contacts_of(model, 1.0, ruler, None)[1] == []
+@pytest.mark.parametrize(
+    ("flight", "part", "off", "flagged"),
+    [
+        (0, slice(-3, None), 1.5, True),
+        (1, slice(3), 1.5, True),
+        (1, slice(20, 24), 1.5, True),
+        (0, slice(7, 8), 2.5, True),
+        (0, slice(7, 8), 1.5, False),
+        (0, slice(7, 9), 1.5, False),
+    ],
+)
+def test_three_positions_or_one_twice_as_far_off_the_flight_are_flagged(
+    flight: int, part: slice, off: float, flagged: bool
+) -> None:
+    """The limit is 0.07 radii, 1.05 px."""
+    model = bounce(5.0)
+    residuals = [each.copy() for each in model.fit.residuals]
+    residuals[flight][part] = [0.0, off]
+    notes = of_positions(replace(model, fit=replace(model.fit, residuals=residuals)))
+    assert [flag for flag, _ in notes] == ["POSITIONS_OFF"] * flagged
+    frames = ", ".join(map(str, model.ways[flight].frames[part]))
+    for _, words in notes:
+        assert re.search(rf" frames? {frames} (is|are) up to {off} pixels", words)
 
 
 def test_the_u_of_a_restitution_includes_a_fit_without_the_positions_that_are_off() -> None:

@@ -413,6 +413,17 @@ def test_a_clean_parabola_is_a_flight_for_any_stated_ball(followed: Get) -> None
     assert "GRAVITY" in wrong.flags
 
 
+def test_a_stated_drag_that_the_flights_contradict_is_not_used(followed: Get) -> None:
+    """A ball of another kind has forty times as much drag."""
+    made, result = followed("thrown-on-wall")
+    drag = 40 * made.truth.drag_per_metre
+    wrong = replace(result.knowledge, drag=(drag, drag / 5))
+    again = follow_blobs(result.clip, result.watched, wrong)
+    require_flights(made.truth, again)
+    require_contacts(made.truth, again)
+    assert set(again.flags) == {"DRAG", *result.flags}
+
+
 def test_a_rolling_shutter_is_found(followed: Get) -> None:
     """The readout is no longer flagged as unknown."""
     made, result = followed("rolling-shutter")

@@ -148,7 +148,7 @@ if (panel) {
     if (act) { act(event.preventDefault()); look(); }
   });
   // the frames of a warning
-  if (track) all("main > .soft").forEach(each => { each.innerHTML = each.innerHTML.replace(/(?<= frames [\d, ]*)\d+(?=[\d, ]* are)/g, number => `<button type="button" data-frame="${number}">${number}</button>`); });
+  if (track) all("main > .soft").forEach(each => { each.innerHTML = each.innerHTML.replace(/(?<= frames? [\d, ]*)\d+(?=[\d, ]* (?:is|are))/g, number => `<button type="button" data-frame="${number}">${number}</button>`); });
   panel.addEventListener("keydown", event => { if ((event.ctrlKey || event.metaKey) && event.key === "z" && !part("[data-undo]").disabled) undo(event.preventDefault()); });
   const end = which => {
     const ends = (field("frames").value || `0:${slide.max}`).split(":").with(which, slide.value);

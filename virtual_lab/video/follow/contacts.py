@@ -12,7 +12,7 @@ from virtual_lab.units import Array
 from virtual_lab.video.follow.flights import FLIGHTS, bend_of, meetings
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
 from virtual_lab.video.follow.knowledge import Note
-from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights, ends_off
+from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
 from virtual_lab.video.follow.pieces import GROWTH, Piece
 from virtual_lab.video.follow.ruler import VAGUE, Ruler
 from virtual_lab.video.follow.scene import FlightScene
@@ -60,8 +60,6 @@ def contacts_of(
     * The struck surface is neither level nor upright, and g was not stated.
     * There is another reason. A note then states it.
 
-    There is also a note if three positions next to a contact are far from the fitted flight.
-
     Parameters
     ----------
     model
@@ -94,12 +92,6 @@ def contacts_of(
             if flag:
                 words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
                 notes.append((flag, words))
-        for flight, end, off in ends_off(ways, fit, k):
-            frames = ", ".join(map(str, ways[flight].frames[end]))
-            words = f"contact at frame {frame:.1f}: the positions of frames {frames} are {off:.2g}"
-            why = f"pixels or more off the fitted flight, {off / fit.spread:.0f} times the scatter,"
-            advice = "so speeds and restitution may be wrong; remove those that are not on the ball"
-            notes.append(("ENDS_OFF", f"{words} {why} {advice}"))
         place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
         metres = scale.metres_per_pixel * place
         if sharp:  # the fit is in the plane of the ball

@@ -15,7 +15,7 @@ from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import EXPLAINED, beside, explained_share
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.knowledge import BALL, FILE, GIVEN, GRAVITY, ClipKnowledge, Note
-from virtual_lab.video.follow.models import STEEPEST, FittedFlights
+from virtual_lab.video.follow.models import STEEPEST, FittedFlights, positions_off
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
 from virtual_lab.video.follow.scene import FOCAL, FlightScene
@@ -204,6 +204,20 @@ def of_camera(model: FittedFlights, drift: float, rate: float) -> list[Note]:
     return notes
 
 
+def of_positions(model: FittedFlights) -> list[Note]:
+    """Return a list with one note that names the positions far from the fitted flights, if any."""
+    off = np.concatenate(positions_off(model.ways, model.fit))
+    if not off.any():
+        return []
+    frames = np.concatenate([way.frames for way in model.ways])[off]
+    most = float(np.hypot(*np.concatenate(model.fit.residuals)[off].T).max())
+    s, are = ("", "is") if len(frames) == 1 else ("s", "are")
+    words = f"the position{s} of frame{s} {', '.join(map(str, frames))} {are} up to {most:.2g}"
+    why = f"pixels off the fitted flights, {most / model.fit.spread:.0f} times the scatter"
+    advice = "speeds and restitution may be wrong; remove those that are not on the ball"
+    return [("POSITIONS_OFF", f"{words} {why}; {advice}")]
+
+
 def of_drag(model: FittedFlights) -> list[Note]:
     """Return a list with one note if the flights contradict the stated drag.
 
@@ -212,14 +226,13 @@ def of_drag(model: FittedFlights) -> list[Note]:
     """
     if model.scene.drag is None:
         return []
-    stated, u = model.scene.drag
-    if model.scene.in_radii:
-        stated = stated / float(np.median([each.radius for each in model.ways]))
+    size = np.median([each.radius for each in model.ways]) if model.scene.in_radii else 1.0
+    stated, u = np.divide(model.scene.drag, size).tolist()
     free = fit_flights(replace(model.scene, drag=None), model.ways, floor=model.fit.floor)
-    apart = float(np.log(free.drag / stated))
-    apart_u = float(np.hypot(np.sqrt(free.covariance[2, 2]), u / model.scene.drag[0]))
-    if abs(apart) < APART[0] * apart_u:
+    free_u = free.drag * float(np.sqrt(free.covariance[2, 2]))  # the parameter is a logarithm
+    apart = abs(free.drag - stated) / float(np.hypot(free_u, u))
+    if apart < APART[0]:
         return []
-    words = f"the flights show {np.exp(apart):.2g} times the drag that is stated, or that of the"
-    advice = f"mass, a difference of {abs(apart) / apart_u:.2g} u; check {{mass}} and {{ball}}"
+    words = f"the flights show {free.drag / stated:.2g} times the drag of the stated ball or mass"
+    advice = f"({apart:.2g} u apart), so it was fitted; check {{mass}} and {{ball}}"
     return [("DRAG", f"{words} {advice}")]

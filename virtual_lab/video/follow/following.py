@@ -25,6 +25,7 @@ from virtual_lab.video.follow.doubts import (
     against_size,
     of_camera,
     of_drag,
+    of_positions,
     require_diameter,
     without_flight,
 )
@@ -197,6 +198,9 @@ def measure(
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
+    if model and not sharp and (against := of_drag(model)):  # the fitted drag is used
+        free = replace(search, scene=replace(search.scene, drag=None))
+        return measure(clip, watched, knowledge, free, earlier=[*earlier, *against])
     if sharp and model:
         rulers = [Ruler.of(sharp.plane, knowledge)]
         notes += sharp.notes
@@ -211,7 +215,7 @@ def measure(
         hidden = drift > 0 and watched.still.hidden_drift is None
         if not sharp:
             unseen = drift if hidden else 0.0
-            notes += [*of_camera(model, unseen, knowledge.rate), *of_drag(model)]
+            notes += [*of_camera(model, unseen, knowledge.rate), *of_positions(model)]
         contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size is None:
@@ -221,7 +225,7 @@ def measure(
             shared, alone[:] = _falls(model, size, step)
             off, fitted = against_gravity(knowledge, shared, size, where)
             if fitted is not knowledge:
-                return measure(clip, watched, fitted, search, earlier=off)
+                return measure(clip, watched, fitted, search, earlier=[*earlier, *off])
             against += off
         flights = _flights(model, alone, contacts, scale, step)
         notes += against

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
-from virtual_lab.units import DEGREE
+from virtual_lab.units import DEGREE, Mask
 from virtual_lab.video.follow.flights import FLIGHTS, meetings
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, Floor, fit_flights
 from virtual_lab.video.follow.pieces import FAR_U, Piece
@@ -47,26 +48,26 @@ class FittedFlights:
             if scene.pull is None:  # a known g gives the normal more accurately than the contacts
                 fit = fit_flights(scene, ways, floor=_floor(ways, fit))
             rest = [fit.with_drift(drift * axis) for axis in np.eye(2)] if drift else []
-            # false positions at an end move the fit, and the scatter does not show by how much
-            for k, _ in meetings(ways, fit):
-                for flight, ends, _ in ends_off(ways, fit, k):
-                    inner = np.ones(len(ways[flight].t), bool)
-                    inner[ends] = False
-                    some = [*ways[:flight], ways[flight].part(inner), *ways[flight + 1 :]]
-                    rest.append(fit_flights(scene, some, floor=fit.floor))
+            # false positions move the fit, and the scatter does not show by how much
+            off = positions_off(ways, fit)
+            inner = [way.part(~mask) for way, mask in zip(ways, off, strict=True)]
+            if np.any(np.concatenate(off)) and min(len(each.t) for each in inner) > 3:
+                rest.append(fit_flights(scene, inner, floor=fit.floor))
         return cls(scene=scene, ways=ways, fit=fit, rest=rest)
 
 
-def ends_off(ways: Sequence[Piece], fit: Fit, first: int) -> Iterator[tuple[int, slice, float]]:
-    """Yield the ends at the contact after flight `first` whose three positions are all off the fit.
+def positions_off(ways: Sequence[Piece], fit: Fit) -> list[Mask]:
+    """Return a mask of the positions that are far from the fit, (position,), for each flight.
 
-    Each has the index of its flight, its positions, and their smallest misfit [pixels].
+    Three successive positions are far if all are beyond a limit, and one if it is beyond twice this
+    limit. No sharp position is far, because outliers of sharp positions are left out of the fit.
     """
-    for flight, ends in ((first, slice(-3, None)), (first + 1, slice(0, 3))):
-        off = float(np.hypot(*fit.residuals[flight][ends].T).min())
-        least = max(FAR_U * fit.spread, FLIGHTS.end_room * ways[first].radius)
-        if not ways[flight].sharp and off > least:
-            yield flight, ends, off
+    masks = []
+    for way, left in zip(ways, fit.residuals, strict=True):
+        least = max(FAR_U * fit.spread, FLIGHTS.end_room * way.radius)
+        off = np.hypot(*left.T) / (np.inf if way.sharp else least)
+        masks.append(np.asarray((off > 2) | ndimage.binary_opening(off > 1, [True] * 3)))
+    return masks
 
 
 def _floor(ways: Sequence[Piece], fit: Fit) -> Floor:

@@ -160,20 +160,20 @@ class Pictures:
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
 
     def _draw_motion(self, below: Iterable[Axes]) -> None:
-        """Plot positions (right and up), speeds, and residuals of the fit against the clip time."""
+        """Plot positions (right and up), speeds, and residuals of the fit against the frame."""
         place, speed, along, across = below
         metres = np.stack([self.places["x_m"], self.up * self.places["y_m"]])
         metres -= metres[:, np.isfinite(metres).all(axis=0)][:, :1]
         for name in self.names:
             used, colour = self.places["flight"] == name, self._colour(name)
             some, (right, up) = self.places[used], metres[:, used]
-            t, noise = some["time_s"], (some["x_u_px"] + some["y_u_px"]) / 2
-            place.plot(t, right, "--", t, up, "-", color=colour)
-            speed.plot(t, np.hypot(some["right_m_per_s"], some["up_m_per_s"]), color=colour)
+            frame, noise = some["frame"], (some["x_u_px"] + some["y_u_px"]) / 2
+            place.plot(frame, right, "--", frame, up, "-", color=colour)
+            speed.plot(frame, np.hypot(some["right_m_per_s"], some["up_m_per_s"]), color=colour)
             for axes, off in ((along, some["along_px"]), (across, some["across_px"])):
-                axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
+                axes.errorbar(frame, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
         speed.set_ylim(bottom=0.0)
-        across.set_xlabel("time, s (bars: u; 1 m/s = 2.24 mph)")
+        across.set_xlabel("frame (bars: u; 1 m/s = 2.24 mph)")
         for axes, label in (
             (place, "place, m\n(- -: right, —: up)"),
             (speed, "speed\nalong the fit, m/s"),
@@ -185,7 +185,7 @@ class Pictures:
             axes.tick_params(labelbottom=axes is across)
             axes.grid(True, linewidth=0.3)
             for each in self.contacts:
-                axes.axvline(each.time.value, color="k", linewidth=0.8, zorder=0)
+                axes.axvline(each.frame, color="k", linewidth=0.8, zorder=0)
 
 
 def _spread(places: int, count: int) -> NDArray[np.intp]:
