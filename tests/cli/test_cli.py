@@ -595,13 +595,9 @@ def test_a_missing_extra_is_named_with_the_command_to_install_it(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The message tells how to install it from a clone, because the index has another project."""
-    import importlib.util
     from importlib.metadata import distribution
 
-    real = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name: None if name == "uvicorn" else real(name)
-    )
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
     code, _, err = run("rehearse")
     said = "the page needs the extra 'bench'; pip install starlette uvicorn, "
     said += "or in a clone: pip install '.[bench]' or uv run --extra bench …"

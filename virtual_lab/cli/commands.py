@@ -20,7 +20,6 @@ from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.commands.call import Call, read_value, settings_in
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.output import Answer
-from virtual_lab.commands.rehearse import ExcludedError
 from virtual_lab.commands.running import CallOutcome, carry_out
 from virtual_lab.errors import IncompleteError, InputError
 from virtual_lab.output.progress import show_progress
@@ -135,12 +134,8 @@ class FunctionCommand(click.Command):
 
     def _run(self, *, as_json: bool, **_: Any) -> int:
         """Call the function with the user's arguments, print its result, return the exit code."""
-        context = click.get_current_context()
-        try:
-            with show_progress() as progress:
-                outcome = carry_out(self.call(context), progress)
-        except ExcludedError as fault:
-            raise click.UsageError(str(fault), context) from fault
+        with show_progress() as progress:
+            outcome = carry_out(self.call(click.get_current_context()), progress)
         _print(outcome, self.command, as_json=as_json)
         if outcome.missing:
             raise IncompleteError(str(outcome.target), [*outcome.missing])

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.commands.output import Answer
-from virtual_lab.errors import worded
+from virtual_lab.errors import InputError, of_extra
 from virtual_lab.files.folders import DayFolder, NewFolder
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
@@ -27,13 +27,6 @@ from virtual_lab.sheets import AnyScenario
 if TYPE_CHECKING:
     from virtual_lab.bench.entrance.operated_day import RehearsedDay
     from virtual_lab.output.result import StudyResult
-
-
-class ExcludedError(ValueError):
-    """Parameters of a call that exclude each other, or need each other."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(worded(text))
 
 
 def day(
@@ -109,7 +102,8 @@ def day(
     script, day, exam, replay = map(_path, (script, day, exam, replay))
     tls_certificate, tls_key = _path(tls_certificate), _path(tls_key)
     if sum(map(bool, (operator, script, replay))) > 1:
-        raise ExcludedError("{operator}, {script} and {replay} exclude each other")
+        allowed = "{operator}, {script} and {replay} exclude each other"
+        raise InputError("", "{replay}" if replay else "{script}", None, allowed)
     if replay and not open:
         from virtual_lab.bench.entrance.review import replay as played_back
 
@@ -125,11 +119,10 @@ def day(
             operator_seed=operator_seed,
         )
     if out:
-        raise ExcludedError(
-            "{out} needs {operator} or {script}; the page saves its day in the folder of {day}"
-        )
+        allowed = "needs {operator} or {script}; the page saves its day in the folder of {day}"
+        raise InputError("", "{out}", None, allowed)
     if (tls_certificate is None) != (tls_key is None):
-        raise ExcludedError("{tls_certificate} and {tls_key} are needed together")
+        raise InputError("", "{tls_certificate}", None, "is needed together with {tls_key}")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     progress("")
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": open}
@@ -141,7 +134,8 @@ def day(
         names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
         return _serve_page(scenario, day, names, seed=seed, **served)
     if trainees > 1:
-        raise ExcludedError("{trainees} cannot be used with {exam}, whose file names the trainees")
+        allowed = "leave it out: the file of {exam} names the trainees"
+        raise InputError("", "{trainees}", trainees, allowed)
     from virtual_lab.bench.day.exam import load_class
 
     exam_class = load_class(exam)
@@ -154,13 +148,9 @@ def _serve_page(
     scenario: str | None, folder: Path | None, trainees: Sequence[str], **served: Any
 ) -> Answer:
     """Serve the page until Ctrl-C. Without a scenario, the page replays a day."""
-    from importlib.util import find_spec
-
-    from virtual_lab.errors import InputError, with_extra
     from virtual_lab.files import check_writable, first_free
 
-    if not (find_spec("starlette") and find_spec("uvicorn")):
-        raise InputError("", "the page needs the extra 'bench'", None, with_extra("bench"))
+    of_extra("uvicorn", "bench", "the page")
     from virtual_lab.bench.day.scenario import load_scenario
     from virtual_lab.bench.entrance.serve import serve
 

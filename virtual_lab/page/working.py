@@ -11,7 +11,6 @@ from typing import Any
 
 from virtual_lab.commands.call import bind
 from virtual_lab.commands.lines import python_line, shell_line
-from virtual_lab.commands.rehearse import ExcludedError
 from virtual_lab.commands.running import carry_out
 from virtual_lab.commands.table import every_command
 from virtual_lab.commands.wording import parameters_named
@@ -72,8 +71,6 @@ def carry_out_run(path: Path) -> None:
             "written": [str(each) for each in dict.fromkeys(written) if each],
             "missing": list(done.missing),
         }
-    except ExcludedError as fault:
-        outcome |= {"refused": str(fault)}
     except InputError as fault:
         outcome["field"], outcome["refused"] = refusal(command, fault)
     except OSError as fault:
@@ -90,8 +87,8 @@ def answer_of(result: Any) -> dict[str, Any]:
     sentence = result.text.strip().partition("\n")[0] or "Done"
     document = result.document if isinstance(result.document, dict) else {}
     names = [each["name"] if isinstance(each, dict) else each for each in document.get("flags", [])]
-    is_word = sentence[1:2].isalpha()  # otherwise a symbol, such as e or v_f
-    answer = sentence[:1].upper() + sentence[1:] if is_word else sentence
+    # a symbol such as e or v_f stays as it is
+    answer = sentence[:1].upper() + sentence[1:] if sentence[1:2].isalpha() else sentence
     return {"answer": answer, "flags": names, "warnings": document.get("warnings", [])}
 
 
