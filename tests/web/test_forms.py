@@ -20,10 +20,11 @@ from virtual_lab.commands.lines import shell_words
 from virtual_lab.commands.table import every_command
 from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import worded
-from virtual_lab.page.fields import EXCEPTIONS, given, texts
-from virtual_lab.page.wording import field_name
+from virtual_lab.page.fields import given, texts
+from virtual_lab.page.wording import WORDS, field_name
 
 COMMANDS = {name: each for name, each in every_command().items() if name != "open"}
+HIDDEN = WORDS["hidden"]
 FOLDED = {"seed", "operator_seed", "workers"}
 OF_SHELL = re.compile(
     r"--\w|\[SI\]|several times|exit code|vl\.|virtual-lab|`"
@@ -33,9 +34,10 @@ OF_SHELL = re.compile(
 
 
 def test_each_exception_is_needed(visitor: Visitor) -> None:
-    keys = {(name, key) for name, each in COMMANDS.items() for key in each.fields}
-    assert {("", key) for _, key in keys} | keys >= EXCEPTIONS.keys()
-    assert len(EXCEPTIONS) <= 8
+    everywhere = {key for each in COMMANDS.values() for key in each.fields}
+    for name, reasons in HIDDEN.items():
+        assert reasons.keys() <= (COMMANDS[name].fields.keys() if name in COMMANDS else everywhere)
+    assert sum(map(len, HIDDEN.values())) <= 8
     assert OF_SHELL.findall(words_of(visitor.ask("/"))) == []
 
 
@@ -66,7 +68,7 @@ def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
     """
     command, page = COMMANDS[name], visitor.ask(f"/form/{name}")
     sent, names = form_of(page.text)
-    hidden = {key for key in command.fields if {("", key), (name, key)} & EXCEPTIONS.keys()}
+    hidden = command.fields.keys() & {**HIDDEN["everywhere"], **HIDDEN.get(name, {})}
     assert names - {"point"} == command.fields.keys() - hidden  # point: the one that a click sets
     assert given(command, parse_qs(urlencode(sent))) == {}
     assert OF_SHELL.findall(words_of(page)) == []

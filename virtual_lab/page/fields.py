@@ -15,18 +15,6 @@ from virtual_lab.page.wording import WORDS
 from virtual_lab.parameters import SETTINGS
 
 FOLDED = ("seed", "operator_seed", "workers")  # folded until they are filled in
-CHOSEN = "the page chooses the new folder or file"
-# parameters without a control, by command (empty: of every command) and name
-EXCEPTIONS = {
-    ("", "out"): CHOSEN,
-    ("", "csv"): CHOSEN,
-    ("", "plot"): CHOSEN,
-    ("template", "folder"): CHOSEN,
-    ("rehearse branch", "folder"): CHOSEN,
-    ("", "instruments"): "a changed sheet belongs to a name; an editor of sheets is left out",
-    ("", "sign"): "a private key does not belong in a browser",
-    ("rehearse", "open"): "the page opens the bench in every case",
-}
 TYPED = ("NAME", "BALL|DIAMETER")  # names beside which other texts are allowed
 RUNS = "runs"  # folder of the page's runs
 DEEPEST = 4  # largest depth of a folder that is offered
@@ -74,7 +62,8 @@ def controls(
 
 def has_control(command: Command, key: str) -> bool:
     """Return whether a parameter has a control in the form of a command."""
-    return not {("", key), (command.name, key)} & EXCEPTIONS.keys()
+    hidden = WORDS["hidden"]
+    return key not in hidden["everywhere"] and key not in hidden.get(command.name, ())
 
 
 def texts(value: Any) -> tuple[str, ...]:

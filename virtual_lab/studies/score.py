@@ -301,9 +301,8 @@ def score_folder(
     for name in (CERTIFICATE, TRUTH):
         read_bytes(folder / name)
     changed = tuple(row for row in compared_seal(folder) if isinstance(row, Mismatch))
-    result = CertificateScore(
-        broken=bool(changed), different=changed, ignored=tuple(litter(folder))
-    )
+    ignored = tuple(litter(folder))
+    result = CertificateScore(broken=bool(changed), different=changed, ignored=ignored)
     state: RowState = "differs"
     try:
         certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
@@ -323,37 +322,26 @@ def score_folder(
         if state == "differs" or fault.where != str(folder / TRUTH):
             return replace(result, unchecked=str(fault))
         # this program writes the recipe into each truth
-        again, elsewhere = (
-            [Mismatch(file=TRUTH, key=fault.key, stated="", expected=fault.allowed)],
-            "",
-        )
+        row = Mismatch(file=TRUTH, key=fault.key, stated="", expected=fault.allowed)
+        again, elsewhere = [row], ""
     rows = named_rows((*result.different, *(replace(row, state=state) for row in again)))
     return replace(result, different=rows, unchecked=elsewhere if rows else "")
 
 
 def _score_files(
-    folder: Path,
-    certificate: Mapping[str, Any],
-    truth: Mapping[str, Any],
-    test: BatTest | None = None,
+    folder: Path, certificate: Json, truth: Json, test: BatTest | None = None
 ) -> dict[str, Any]:
     """Return the fields on the scores, on the seed and on the faults of the day, keyed by name.
 
-    Raises `InputError` if a key is missing or has a wrong type.
+    Of the `test` played again come the true metrics of the hits. Raises `InputError` if a key is
+    missing or has a wrong type.
     """
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
         rows += tuple(hit_scores(certificate, truth, test)) if rows else ()
         json.dumps([asdict(row) for row in rows], allow_nan=False)  # rejects NaN and infinity
-        return {
-            "sealing": certificate["simulation"].get("sealing"),
-            "rows": rows,
-            "faults": tuple(map(str, truth.get("faults", ()))),
-        }
+        sealing, faults = certificate["simulation"].get("sealing"), truth.get("faults", ())
+        return {"sealing": sealing, "rows": rows, "faults": tuple(map(str, faults))}
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as fault:
-        raise InputError(
-            str(folder),
-            str(fault).strip("'"),
-            None,
-            "this key is missing in certificate.json or truth.json, or is not a number",
-        ) from fault
+        allowed = "this key is missing in certificate.json or truth.json, or is not a number"
+        raise InputError(str(folder), str(fault).strip("'"), None, allowed) from fault

@@ -217,11 +217,8 @@ def track_text(track: FollowedClip) -> str:
 def correction_text(before: FollowedClip, track: FollowedClip) -> str:
     """Return a sentence on the positions that were changed by hand, and the answer before."""
     old, new = (course_table(course_of(each)).set_index("frame")[SET] for each in (before, track))
-    counts = {
-        "changed": ((old - new).abs().max(axis=1) > CHANGED).sum(),
-        "removed": len(old.index.difference(new.index)),
-        "added": len(new.index.difference(old.index)),
-    }
+    changed, both = (old - new).abs().max(axis=1) > CHANGED, len(old.index.intersection(new.index))
+    counts = {"changed": changed.sum(), "removed": len(old) - both, "added": len(new) - both}
     said = ", ".join(f"{count} {how}" for how, count in counts.items() if count)
     answer = _fastest(before) if before.flights else "no flight"
     return f"positions by hand: {said or 'none changed'}; before, {answer}"
