@@ -290,7 +290,6 @@ AnyLaboratory = Annotated[
         holds=("laboratory",),
     ),
 ]
-Folders = Annotated[str | Path | Sequence[str | Path], several(FOLDER)]
 Kind = Literal["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]
 Paper = Literal["a4", "letter"]
 RealityName = Literal["real", "noise-free", "ideal"]

@@ -56,9 +56,8 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
     ) -> list[CompletionItem]:
         """Complete the names or words that the rule knows."""
         if self.rule.kind in ("file", "clip", "folder"):
-            return [
-                CompletionItem(incomplete, type="dir" if self.rule.kind == "folder" else "file")
-            ]
+            kind = "dir" if self.rule.kind == "folder" else "file"
+            return [CompletionItem(incomplete, type=kind)]
         return [
             CompletionItem(word, help=title or None)
             for word, title in self.rule.complete().items()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -92,10 +93,9 @@ class Output:
         if self.picture:
             fields.append(("plot", FILE, "Draw the figure into a new .png, .svg or .pdf file."))
         default = {"out": REQUIRED} if required else {}
+        made = partial(ParameterDescription, keyword=True)
         return {
-            name: ParameterDescription(
-                name=name, rule=rule, default=default.get(name), keyword=True, words=words
-            )
+            name: made(name=name, rule=rule, default=default.get(name), words=words)
             for name, rule, words in fields
         }
 
@@ -153,9 +153,8 @@ def check_new_file(path: Path, endings: Sequence[str]) -> None:
     allowed if it can be created.
     """
     if path.suffix not in endings:
-        raise InputError(
-            "", "file", str(path), f"allowed: a name that ends in {', '.join(endings)}"
-        )
+        allowed = f"allowed: a name that ends in {', '.join(endings)}"
+        raise InputError("", "file", str(path), allowed)
     try:
         there = path.exists() or path.is_symlink()
     except OSError as fault:

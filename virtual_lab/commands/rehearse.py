@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,12 +158,9 @@ def _serve_page(
     target = folder or first_free(Path(OUT) / Path(scenario or "").stem)
     check_writable(target, "day")
     each = {f"trainee {name}": target / name for name in trainees}
-    serve(
-        each or {"": target},
-        load_scenario(scenario) if scenario else None,
-        say=lambda text: print(text, file=sys.stderr, flush=True),
-        **served,
-    )
+    say = partial(print, file=sys.stderr, flush=True)
+    entry = load_scenario(scenario) if scenario else None
+    serve(each or {"": target}, entry, say=say, **served)
     return Answer(document={"day": str(target)}, text=str(target))
 
 

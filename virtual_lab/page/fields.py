@@ -32,10 +32,7 @@ class Control(NamedTuple):
 
 
 def controls(
-    command: Command,
-    folder: Path,
-    values: Mapping[str, Sequence[str]],
-    faults: Mapping[str, str],
+    command: Command, folder: Path, values: Mapping[str, Sequence[str]], faults: Mapping[str, str]
 ) -> list[Control]:
     """Return the controls of a form.
 
@@ -54,9 +51,8 @@ def controls(
         entered = every[key]
         if kind in ("path", "paths", "choice", "choices"):  # a value from elsewhere
             choices += [(text, text) for text in entered if text not in dict(choices)]
-        fault = faults.get(key, "")
-        first = bool(fault) or used or key in stated
-        shown.append(Control(each, kind, choices, entered, fault, first))
+        first = used or key in {*stated, *faults}
+        shown.append(Control(each, kind, choices, entered, faults.get(key, ""), first))
     return shown
 
 

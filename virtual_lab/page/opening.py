@@ -7,6 +7,7 @@ import sys
 import time
 import webbrowser
 from pathlib import Path
+from threading import Event
 
 from virtual_lab.commands.output import Answer
 from virtual_lab.errors import of_extra
@@ -41,8 +42,8 @@ def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress 
     path.mkdir(parents=True, exist_ok=True)
     listener = listen(*find_address(LOOPBACK, 0, secure=False))
     port, token = listener.getsockname()[1], secrets.token_urlsafe(24)
-    closed: list[bool] = []
-    page = Page(path, lambda: closed.append(True))
+    closed = Event()
+    page = Page(path, closed.set)
     hosts = frozenset({f"{LOOPBACK}:{port}", f"localhost:{port}"})
     door, began = page_application(page, token, hosts), time.monotonic()
     server = server_of(door)
@@ -53,10 +54,9 @@ def open_page(folder: Folder = OUT, *, browser: bool = True, progress: Progress 
     if browser:
         webbrowser.open(address)
     try:
-        while not closed and (
-            page.runs.workers or time.monotonic() < IDLE + max(began, door.last_request)
-        ):
-            time.sleep(STEP)
+        while not closed.wait(STEP):
+            if not page.runs.workers and time.monotonic() > IDLE + max(began, door.last_request):
+                break
     finally:
         page.runs.end()
         server.should_exit = True

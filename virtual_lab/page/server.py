@@ -37,7 +37,6 @@ from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
 PACKAGE = "virtual_lab.page"
-HIDDEN = ("open",)  # commands that the page does not show
 SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows
 
 
@@ -54,6 +53,7 @@ class Page:
         html = template.render(
             folder=self.folder,
             commands=self.commands,
+            sections=SECTIONS,
             quote=quote,
             local_time=datetime.fromtimestamp,
             words=wording,
@@ -64,22 +64,13 @@ class Page:
 
     def start(self, request: Request) -> Response:
         """Return the start page."""
-        sections = {}
-        for title, rows in SECTIONS.items():
-            every = [each for row in rows for each in (row, *row.variants) if not each.words]
-            sections[title] = [each for each in every if each.name not in HIDDEN]
         self.runs.adopt()
         size = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
         asks = "quit" in request.query_params
-        return self.render(
-            "start.html", sections=sections, runs=self.runs.all(), size=size, asks=asks
-        )
+        return self.render("start.html", runs=self.runs.all(), size=size, asks=asks)
 
     def form(
-        self,
-        command: Command,
-        values: Mapping[str, Sequence[str]],
-        faults: Mapping[str, str],
+        self, command: Command, values: Mapping[str, Sequence[str]], faults: Mapping[str, str]
     ) -> Response:
         """Return the form of a command, with sentences about values that were refused.
 
@@ -155,8 +146,7 @@ class Page:
         run = self._run(request)
         counted = re.search(r": +(\d+) of (\d+)", run.progress)
         done, total = map(int, counted.groups()) if counted else (0, 0)
-        state = {"live": run.live, "line": run.progress, "done": done, "total": total}
-        return JSONResponse(state)
+        return JSONResponse({"live": run.live, "line": run.progress, "done": done, "total": total})
 
     def file(self, request: Request) -> Response:
         """Return a file of a result; a page or picture to be shown, anything else to be kept."""
@@ -165,9 +155,8 @@ class Page:
         if path is None:
             raise HTTPException(404)
         shown = "inline" if path.suffix in SHOWN else "attachment"
-        name = quote(path.name)
-        headers = {**SANDBOX, "Content-Disposition": f"{shown}; filename*=utf-8''{name}"}
-        return FileResponse(path, headers=headers)
+        kept = f"{shown}; filename*=utf-8''{quote(path.name)}"
+        return FileResponse(path, headers={**SANDBOX, "Content-Disposition": kept})
 
     def clip(self, request: Request) -> Response:
         """Return the size of a clip as JSON, or the frame with a number as a picture."""

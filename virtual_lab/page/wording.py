@@ -52,8 +52,7 @@ def refusal(command: Command, fault: InputError) -> tuple[str, str]:
     """Return the field of a command that an error belongs to, or "", and a sentence about it."""
     key, allowed = field_of(command, fault), worded(fault.allowed)
     if key:
-        refused = f"“{fault.value}” cannot be used: " if fault.value is not None else ""
-        sentence = refused + allowed
+        sentence = allowed if fault.value is None else f"“{fault.value}” cannot be used: {allowed}"
         return key, sentence[:1].upper() + sentence[1:]
     return "", str(fault) if fault.key or fault.where else allowed
 

@@ -61,13 +61,12 @@ def carry_out_run(path: Path) -> None:
         outcome = {"shell": shell_line(call), "python": python_line(call)}
         with show_progress(ProgressFile(path / PROGRESS_LINE)) as progress:  # type: ignore[arg-type]
             done = carry_out(call, progress)
-        text = str(done.result.text)
         written = [done.target, *done.files, *getattr(done.result, "files", ())]
         if command.name == "template":
             written.append(Path(request["values"]["folder"]))
         outcome |= {
             **answer_of(done.result),
-            "text": text,
+            "text": str(done.result.text),
             "written": [str(each) for each in dict.fromkeys(written) if each],
             "missing": list(done.missing),
         }
@@ -76,8 +75,8 @@ def carry_out_run(path: Path) -> None:
     except OSError as fault:
         outcome |= {"refused": f"{fault.filename or 'file'}: {fault.strerror}"}
     except Exception:
-        outcome |= {"refused": "a bug in this program, not in your input"}
-        outcome["text"] = traceback.format_exc()
+        bug = "a bug in this program, not in your input"
+        outcome |= {"refused": bug, "text": traceback.format_exc()}
     outcome["seconds"] = time.monotonic() - began
     write_json(path / OUTCOME, outcome)
 

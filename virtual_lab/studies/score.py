@@ -261,9 +261,8 @@ class CertificateScore(StudyResult):
     @property
     def document(self) -> Json:
         """The result for JSON."""
-        rows = {row.quantity: {**record(row)} for row in self.rows}
-        for row in rows.values():
-            del row["quantity"]
+        records = ({**record(row)} for row in self.rows)
+        rows = {each.pop("quantity"): each for each in records}
         stated: dict[str, Any] = {name: getattr(self, name) for name in STATED}
         for state in ("altered", "differs"):
             stated[state] = [asdict(row) for row in self.different if row.state == state]
@@ -312,8 +311,7 @@ def score_folder(
         state = "differs" if elsewhere else "altered"
         recipe = Recipe.read(truth, str(folder / TRUTH))
         result = replace(result, sheets=tuple(recipe.sheets))
-        is_rehearsed = result.sealing == REHEARSAL
-        test = play_day(folder) if is_rehearsed else play_again(recipe, progress)
+        test = play_day(folder) if result.sealing == REHEARSAL else play_again(recipe, progress)
         result = replace(result, **_score_files(folder, certificate, truth, test))
         again = [*compared_replay(folder, test)]
     except InputError as fault:
