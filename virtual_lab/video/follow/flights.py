@@ -92,8 +92,8 @@ def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
     * The motion is that of a pendulum.
     * No flight bends visibly. They are shorter than two radii, or the ball also moves in many
       other frames (`explained_share`), so it may be held.
-    * The flights bend less than half as much as those of a falling ball, and by less than a
-      radius, or the ball also moves in many other frames.
+    * The flights bend less than half as much as those of a falling ball, and are no parabolas
+      within 1.5 % of the bend, or the ball also moves in many other frames.
     """
     fit = fit_flights(scene, flights)
     right, down = fit.pull[0]
@@ -103,11 +103,12 @@ def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
     radius, moved = np.max([(e.radius, np.ptp(e.xy, axis=0).max()) for e in flights], axis=0)
     _, pixels, share = FLIGHTS.smooth
     bent, expected = bend_of(flights, fit.size), scene.gravity_of(radius) or 0.0
-    rough = fit.spread > max(FLIGHTS.room * radius, pixels, share * bent * radius)
+    parabolic = share * bent * radius  # largest scatter about a parabola
+    rough = fit.spread > max(FLIGHTS.room * radius, pixels, parabolic)
     # A path that bends too little shows no fall if it is short, or if the ball moves elsewhere too.
     vague = moved < FLIGHTS.path * radius or explained_share(scene, flights) < EXPLAINED
     held = aside if bent > FLIGHTS.shown_sag else vague
-    if (vague or bent < FLIGHTS.sag) and bend_of(flights, expected) > FLIGHTS.shown_sag:
+    if (vague or fit.spread > parabolic) and bend_of(flights, expected) > FLIGHTS.shown_sag:
         held |= fit.size * (1 + 2 * u) < expected / 2
     return None if rough or held else fit
 
