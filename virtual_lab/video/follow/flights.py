@@ -346,7 +346,6 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     moving, refilled = scene.blobs, []
     counted = np.isfinite(scene.time)
     clean = free(moving) & counted[moving["frame"]]
-    number = np.cumsum(counted)
     ends = [-np.inf, *(each.frames[-1] for each in flights[:-1])]
     starts = [*(each.frames[0] for each in flights[1:]), np.inf]
     for k, (piece, before, after) in enumerate(zip(flights, ends, starts, strict=True)):
@@ -365,11 +364,6 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         near = np.flatnonzero(off < min(room, piece.radius / 2))
         near = near[np.lexsort((off[near], frames[near]))]
         near = near[np.unique(frames[near], return_index=True)[1]]
-        # The ball may leave the picture during the flight, so only gaps before and after it matter.
-        there = frames[near]
-        apart = np.diff(number[there]) > GROWTH.gap_frames + 1
-        apart &= (there[1:] <= first) | (there[:-1] >= last)
-        near = max(np.split(near, np.flatnonzero(apart) + 1), key=len)
         length, speed = moving["length"][blobs[near]], np.hypot(*fit.at(k, t[near])[:, 2:].T)
         sure = length - FLIGHTS.end_length * np.median(length) < speed / 2
         sure &= off[near] < max(FLIGHTS.end_room * piece.radius, FAR_U * fit.spread)

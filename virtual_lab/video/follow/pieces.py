@@ -149,14 +149,8 @@ class _Growth:
                 continue
             piece = Piece.of(self.blobs, self.index[places], np.array(t))
             self.used[np.isin(self.index, piece.blobs)] = True
-            result += [self._with_times(part) for part in _break_up(piece)]
+            result += _break_up(piece)
         return result
-
-    def _with_times(self, piece: Piece) -> Piece:
-        """Return the piece with equal time steps, unless lost frames give a far better fit."""
-        even = replace(piece, t=self.time[piece.frames])
-        mended = _misfit(piece, slice(None)) < GROWTH.better**2 * _misfit(even, slice(None))
-        return piece if mended else even
 
     def _like(self, one: int, frame: int) -> Ints:
         """Return the unused blobs of a frame with a size and color similar to blob `one`."""
