@@ -34,6 +34,10 @@ if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM:
     os.environ.setdefault("TMPDIR", str(MEMORY if runs_scripts else tempfile.gettempdir()))
     tempfile.tempdir = None  # read again
 
+# Tests leave few cycles: with Python's thresholds a twentieth of the processor time is spent on
+# looking for them.
+gc.set_threshold(50_000, 20)
+
 pytest.register_assert_rewrite("tests.rigs.conformance")
 settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
 settings.load_profile("fixed")
