@@ -4,6 +4,7 @@ import pytest
 
 from tests.bench.days import PLAIN, Asked, apparatus, asked, day_of, debrief_of, without
 from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.protocol import excuses_of
 from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.bench.scoring.deviations import (
@@ -48,6 +49,13 @@ def test_an_omitted_step_is_judged_by_the_record_of_its_shot(
     (found,) = judged([*days, note(step)])
     assert (found.judged, found.step) == (expected, step)
     assert why in found.why
+
+
+def test_a_note_that_is_struck_out_gives_no_reason() -> None:
+    struck = ("strike-out", {"entry": 2, "because": "it was tared"})
+    assert excuses_of(day_of([note("level-stand"), note("tare"), struck])) == {
+        "level-stand": "it read so"
+    }
 
 
 def test_a_note_before_its_shot_is_left_to_the_trainer() -> None:

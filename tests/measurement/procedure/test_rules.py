@@ -219,7 +219,10 @@ def test_without_a_limit_a_bat_is_measured_or_fails_by_another_rule() -> None:
     assert verdicts_of(free, unmet_by_bat, 2) == (Verdict.MEASURED, Verdict.FAIL)
 
 
-@pytest.mark.parametrize(("hits", "said"), [(5, "only 5 of 6 valid hits"), (6, ""), (7, "")])
+@pytest.mark.parametrize(
+    ("hits", "said"),
+    [(2, "only 2 of 6 valid hits"), (5, "only 5 of 6 valid hits"), (6, ""), (7, "")],
+)
 def test_fewer_valid_hits_than_required_are_no_test(hits: int, said: str) -> None:
     """The shipped procedure requires six; the weights are equal in any case."""
     outcome = outcome_of(RULES, np.full(hits, 0.16), np.ones(hits, dtype=bool), np.ones(hits))
