@@ -71,11 +71,13 @@ class _Status:
 
     def __init__(self) -> None:
         self.begun = self.since = time.monotonic()
-        self.text, self.done, self.total, self.first = "working", 0, 0, 0
+        self.text, self.done, self.total, self.first, self.steady = "working", 0, 0, 0, False
 
     def update(self, text: str, done: int = 0, total: int = 0) -> None:
-        if (text, total) != (self.text, self.total):
-            self.since, self.first = time.monotonic(), done
+        is_new = (text, total) != (self.text, self.total)
+        if is_new or (done > self.first and not self.steady):
+            # the first part of a task is not timed: a kernel may have been compiled for it
+            self.since, self.first, self.steady = time.monotonic(), done, not is_new
         self.text, self.done, self.total = text, done, total
 
     def _left(self, elapsed: float) -> str:
