@@ -238,8 +238,9 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     again.click()
     page.wait_for_url(lambda url: not url.endswith(student))
     page.wait_for_selector(".answer:has-text('Fastest')")
-    said = "Positions by hand: 2 changed, 1 removed; before, fastest: "
+    said = "Positions by hand: frames 2, 11 are changed, frame 1 is removed; before, fastest: "
     assert page.locator("main > .soft").filter(has_text=said).count() == 1
+    assert student.endswith(page.get_attribute("p:has-text('Of the result') a", "href"))
     rows.loc[2, ["x_px", "y_px"]] += [1.0, -1.0]
     rows.loc[11, ["x_px", "y_px"]] = [256.0, 191.0]  # without the drift
     corrected = folder / "uploads" / "a.avi-corrected.csv"
@@ -260,7 +261,12 @@ def test_the_last_change_of_a_track_is_undone(page: Any, student: str) -> None:
     page.fill("[data-flight]", "7")  # of a position that is not yet set
     press(page, ".stage", "Control+z", "PageUp")
     assert status.inner_text() == "Frame 1: no position"
+    page.evaluate("scrollTo(0, one('.stage').getBoundingClientRect().top + scrollY + 60)")
+    scrolled = page.evaluate("scrollY")
+    for name in ("Next frame", "Previous frame"):
+        page.click(f"[aria-label='{name}']")
     page.click("text=Undo")
+    assert scrolled == page.evaluate("scrollY") > 0  # the buttons do not move
     assert status.inner_text().endswith("flight 1")
     for name in ("Undo", "Run again"):  # nothing is changed
         assert buttons.filter(has_text=name).is_disabled()

@@ -52,7 +52,7 @@ all(".upload").forEach(place => place.addEventListener("change", ({ target }) =>
 const panel = one(".clip");
 if (panel) {
   const part = name => one(name, panel);
-  const [stage, picture, drawing, slide, words] = [".stage", "img", "svg", "[type=range]", "[role=status]"].map(part);
+  const [view, stage, picture, drawing, slide, words] = [".view", ".stage", "img", "svg", "[type=range]", "[role=status]"].map(part);
   const [flight, radius, track, chosen] = [part("[data-flight]"), part("[data-radius]"), panel.dataset.track, one("[name=clip]")];
   const COLUMNS = ["frame", "time_s", "x_px", "y_px", "radius_px", "flight", "drift_x_px", "drift_y_px"];
   const field = name => one(`[name="${name}"]`);
@@ -112,7 +112,11 @@ if (panel) {
     rows = [...rows.filter(each => each !== row), ...values ? [{ ...row, ...values }] : []].sort((a, b) => a.frame - b.frame);
     step();
   };
-  const undo = () => step(corner ? words.textContent = "" : past.pop()(), corner = null);
+  const undo = () => {
+    if (corner) [corner, words.textContent] = [null, ""];
+    else past.pop()();
+    step();
+  };
   const set = () => {
     const [drift_x_px, drift_y_px] = drift();
     if (track) return change({ frame: slide.value, flight: flight.value, radius_px: radius.value, x_px: cross[0] - drift_x_px, y_px: cross[1] - drift_y_px, drift_x_px, drift_y_px });
@@ -120,8 +124,9 @@ if (panel) {
     const region = [Math.min(x, u), Math.min(y, v), Math.abs(u - x), Math.abs(v - y)].join();
     const scale = `${u},${v}:${x},${y}=${part("[data-length]").value.replace(/ /g, "")}`;
     corner = kind() === "ball_at" || corner ? null : cross;
-    if (corner) draw(words.textContent = "Set the second point.");
-    else put(kind(), { ball_at: `${x},${y}@${slide.value}`, region, scale }[kind()]);
+    if (!corner) return put(kind(), { ball_at: `${x},${y}@${slide.value}`, region, scale }[kind()]);
+    words.textContent = "Set the second point.";
+    draw();
   };
   const move = (right, down) => {
     cross = [[cross[0] + right, size.width], [cross[1] + down, size.height]].map(([at, end]) => Math.min(Math.max(at, 0), end - 1));
@@ -139,32 +144,52 @@ if (panel) {
   on("pointermove", () => { if (["scale", "region"].includes(kind()) && Math.hypot(cross[0] - drag[0], cross[1] - drag[1]) > size.width / 100) corner = drag.map(Math.round); });
   on("pointerup", () => { drag = set(); });
   on("pointercancel", () => { drag = corner = null; });
-  const look = (where = "nearest") => one("path", drawing).scrollIntoView({ block: where, inline: where });
-  const go = frames => look(step(slide.stepUp(frames)));
+  // scrolls the picture alone: the buttons of the page stay below the pointer
+  const look = () => {
+    const zoom = stage.clientWidth / size.width;
+    view.scrollTo(cross[0] * zoom - view.clientWidth / 2, cross[1] * zoom - view.clientHeight / 2);
+  };
+  const go = frames => {
+    slide.stepUp(frames);
+    step();
+    look();
+  };
   stage.addEventListener("keydown", event => {
     const by = event.shiftKey ? 1 : 8;
     const moves = { ArrowLeft: () => move(-by, 0), ArrowRight: () => move(by, 0), ArrowUp: () => move(0, -by), ArrowDown: () => move(0, by) };
     const act = { ...moves, Enter: set, Delete: () => here() && change(), PageUp: () => go(-1), PageDown: () => go(1) }[event.key];
-    if (act) { act(event.preventDefault()); look(); }
+    if (!act) return;
+    event.preventDefault();
+    act();
+    look();
   });
   // the frames of a warning
   if (track) all("main > .soft").forEach(each => { each.innerHTML = each.innerHTML.replace(/(?<= frames? [\d, ]*)\d+(?=[\d, ]* (?:is|are))/g, number => `<button type="button" data-frame="${number}">${number}</button>`); });
-  panel.addEventListener("keydown", event => { if ((event.ctrlKey || event.metaKey) && event.key === "z" && !part("[data-undo]").disabled) undo(event.preventDefault()); });
+  panel.addEventListener("keydown", event => {
+    if (!(event.ctrlKey || event.metaKey) || event.key !== "z" || part("[data-undo]").disabled) return;
+    event.preventDefault();
+    undo();
+  });
   const end = which => {
     const ends = (field("frames").value || `0:${slide.max}`).split(":").with(which, slide.value);
     if (+ends[0] >= +ends[1]) ends[1 - which] = +which ? 0 : slide.max;
     put("frames", ends.join(":"));
   };
-  const acts = { step: go, end, undo, remove: () => change(), clear: name => put(name, ""), frame: number => stage.focus(step(slide.value = number)) };
+  const frame = number => {
+    slide.value = number;
+    step();
+    stage.focus();
+  };
+  const acts = { step: go, end, undo, frame, remove: () => change(), clear: name => put(name, "") };
   addEventListener("click", ({ detail, target }) => Object.keys(target.dataset).filter(name => acts[name]).forEach(name => {
     acts[name](target.dataset[name]);
-    if (detail || target.disabled || target.hidden) stage.focus(); // a key stays on its button
+    if (detail || target.disabled || target.hidden) stage.focus({ preventScroll: true }); // a key stays on its button
   }));
   addEventListener("input", ({ target }) => {
     if (!size) return;
     if (target === slide) return step();
     if (target.type === "radio") corner = null;
-    if ("zoom" in target.dataset) look("center", stage.style.setProperty("--zoom", target.value));
+    if ("zoom" in target.dataset) { stage.style.setProperty("--zoom", target.value); look(); }
     if (here() && [flight, radius].includes(target)) change({ flight: flight.value, radius_px: radius.value });
     if ("length" in target.dataset && field("scale").value) put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`);
     draw();
