@@ -316,7 +316,7 @@ def test_an_unchanged_track_gives_the_same_result(
     first, late = document["flights"][0]["speed_out_m_per_s"], moved["flights"][0]
     assert late["speed_out_m_per_s"]["value"] != pytest.approx(first["value"], rel=1e-4)
     assert abs(late["speed_out_m_per_s"]["value"] - first["value"]) < first["u"]
-    assert moved["warnings"][0].startswith("positions by hand: 1 changed; before, fastest: ")
+    assert moved["warnings"][0].startswith(f"positions by hand: frame {frame} is changed; before, ")
 
 
 def test_the_changes_of_a_correction_and_the_answer_before_are_stated(
@@ -326,6 +326,7 @@ def test_the_changes_of_a_correction_and_the_answer_before_are_stated(
     clip, out, _ = thrown
     rows = pd.read_csv(out / "track.csv")
     rows.loc[[2, 4], "y_px"] += 1.5
+    one, two, gone = rows["frame"][[2, 4, 6]]
     added = rows.iloc[-1].copy()
     added[["frame", "x_px"]] += [1, added["x_px"] - rows.iloc[-2]["x_px"]]
     rows = pd.concat([rows.drop(index=6), added.to_frame().T])
@@ -333,7 +334,8 @@ def test_the_changes_of_a_correction_and_the_answer_before_are_stated(
     words = {"ball": "80mm±0.8mm", "fps": 30, "frames": "16:51"}
     before = vl.track(clip, **words).text.partition("\n")[0]
     track = vl.track(clip, corrected=tmp_path / "corrected.csv", **words)
-    said = f"positions by hand: 2 changed, 1 removed, 1 added; before, {before}"
+    changed = f"frames {one}, {two} are changed, frame {gone} is removed"
+    said = f"positions by hand: {changed}, frame {added['frame']:.0f} is added; before, {before}"
     assert track.document["warnings"][0] == said
     assert f"\n  note: {said}\n" in track.text
 

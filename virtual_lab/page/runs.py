@@ -58,9 +58,23 @@ class StartedRun:
         return _read(self.path / CALL)
 
     @property
+    def values(self) -> dict[str, Any]:
+        """The given values, without what the page chose."""
+        return {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
+
+    def is_of(self, other: StartedRun) -> bool:
+        """Return whether the run used what another one wrote, or corrects its track."""
+        used = {text for each in self.call["values"].values() for text in texts(each)}
+        by_hand = {"corrected": self.values.get("corrected")}
+        corrects = any(by_hand.values()) and other.number < self.number
+        return bool(used & {*other.outcome["written"]}) or (
+            corrects and other.values | by_hand == self.values
+        )
+
+    @property
     def stated(self) -> str:
         """The given values in one line, without what the page chose."""
-        values = {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
+        values = self.values
         # the name of a corrected track begins with that of its clip
         start = f"{Path(str(values.get('clip'))).name}-"
         return ", ".join(

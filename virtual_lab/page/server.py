@@ -122,14 +122,13 @@ class Page:
         """Return the page of a run: its progress, or its result."""
         run = self._run(request)
         target = next((each for each in run.outcome["written"] if Path(each).is_dir()), "")
-        used = {text for each in run.call["values"].values() for text in texts(each)}
         return self.render(
             "result.html",
             run=run,
             command=self.commands[run.call["command"]],
             files=[name for name, path in run.files.items() if "truth" not in path.parts],
             target=target,
-            sources=[each for each in self.runs.all() if used & {*each.outcome["written"]}],
+            sources=[each for each in self.runs.all() if run.is_of(each)],
             kind=folder_kind(Path(target)) if target else "",
             sealed=(Path(target) / "truth" / "truth.json").is_file(),
             comparable=len([*offered(self.folder, ("result",), ())]) > 1,

@@ -215,13 +215,23 @@ def track_text(track: FollowedClip) -> str:
 
 
 def correction_text(before: FollowedClip, track: FollowedClip) -> str:
-    """Return a sentence on the positions that were changed by hand, and the answer before."""
+    """Return a sentence on the frames whose positions were set by hand, and the answer before."""
     old, new = (course_table(course_of(each)).set_index("frame")[SET] for each in (before, track))
-    changed, both = (old - new).abs().max(axis=1) > CHANGED, len(old.index.intersection(new.index))
-    counts = {"changed": changed.sum(), "removed": len(old) - both, "added": len(new) - both}
-    said = ", ".join(f"{count} {how}" for how, count in counts.items() if count)
+    apart = (old - new).abs().max(axis=1)
+    done = {
+        "changed": apart.index[apart > CHANGED],
+        "removed": old.index.difference(new.index),
+        "added": new.index.difference(old.index),
+    }
+    said = [
+        f"frame {frames[0]} is {how}"
+        if len(frames) == 1
+        else f"frames {', '.join(map(str, frames))} are {how}"
+        for how, frames in done.items()
+        if len(frames)
+    ]
     answer = _fastest(before) if before.flights else "no flight"
-    return f"positions by hand: {said or 'none changed'}; before, {answer}"
+    return f"positions by hand: {', '.join(said) or 'none changed'}; before, {answer}"
 
 
 def _fastest(track: FollowedClip) -> str:
