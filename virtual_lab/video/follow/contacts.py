@@ -9,7 +9,7 @@ import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
-from virtual_lab.video.follow.flights import FLIGHTS, bend_of, meetings
+from virtual_lab.video.follow.flights import bend_of, meetings
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
 from virtual_lab.video.follow.knowledge import Note
 from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
@@ -143,7 +143,8 @@ def _normal(model: FittedFlights, change: Array) -> tuple[Array | None, str]:
     Without a normal (None) only speeds can be compared.
     """
     along, fit, pull = change / np.hypot(*change), model.fit, model.scene.pull
-    if not fit.down or (pull is None and bend_of(model.ways, fit.size) < FLIGHTS.sag):
+    # flights that bend by less than a radius do not show the direction of g
+    if not fit.down or (pull is None and bend_of(model.ways, fit.size) < 1.0):
         return None, "struck"
     up = -np.array([fit.down.real, fit.down.imag])
     side = np.array([-up[1], up[0]])

@@ -30,8 +30,6 @@ class FlightSearch:
     # fitted
     pull_share: float = 0.25
     upright: float = 0.5  # largest angle of g to the picture's downward direction [rad]
-    # smallest sag of a flight for which the direction of g is checked [ball radii]
-    sag: float = 1.0
     # smallest expected sag for which the absence of gravity is noticed [ball radii]
     shown_sag: float = 0.3
     path: float = 2.0  # smallest extent of a flight that does not bend [ball radii]
@@ -159,8 +157,8 @@ class _Bend:
 
     @cached_property
     def bent(self) -> bool:
-        """True if the acceleration bends the piece by more than `sag` radii."""
-        return self.sag(self.size) > FLIGHTS.sag * self.piece.radius
+        """True if the acceleration bends the piece by more than a radius."""
+        return self.sag(self.size) > self.piece.radius
 
     @cached_property
     def smooth(self) -> float:
