@@ -11,7 +11,7 @@ import virtual_lab as vl
 from tests.cli.test_commands import COMMANDS
 from virtual_lab.commands.call import RefusedError, bind
 from virtual_lab.errors import InputError
-from virtual_lab.files.folders import folder_kind
+from virtual_lab.files.folders import folder_kinds
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 
@@ -83,11 +83,23 @@ def folders(tmp_path: Path) -> dict[str, Path]:
 
 
 def test_the_kind_of_a_folder_is_that_of_its_content(folders: dict[str, Path]) -> None:
-    kinds = {name: folder_kind(path) for name, path in folders.items()}
-    others = {"other": "", "empty": "new", "missing": "new", "foreign": "records"}
-    assert kinds == {name: others.get(name, name) for name in folders}
-    assert folder_kind(folders["other"] / "notes.txt") == ""
-    assert folder_kind(Path("x" * 300)) in ("", "new")
+    kinds = {name: folder_kinds(path) for name, path in folders.items()}
+    others = {"empty": "new", "missing": "new", "foreign": "records"}
+    expected = {name: {others.get(name, name)} for name in folders} | {"other": set()}
+    assert kinds == expected
+    assert folder_kinds(folders["other"] / "notes.txt") == set()
+    assert folder_kinds(Path("x" * 300)) in (set(), {"new"})
+
+
+def test_a_rehearsed_day_is_also_a_result(folders: dict[str, Path]) -> None:
+    day = folders["day"]
+    shutil.copy(folders["result"] / "certificate.json", day)
+    assert folder_kinds(day) == {"day", "result"}
+    for name, values in (("score", {}), ("rehearse branch", {"entry": 3, "folder": "new"})):
+        key, *_ = COMMANDS[name].fields
+        assert bind(COMMANDS[name], values | {key: str(day)}).values[key] == day
+    with pytest.raises(RefusedError, match="is a day of a rehearsal"):
+        bind(COMMANDS["campaign check"], {"folder": str(day)})
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ command.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -117,10 +117,10 @@ class Command:
         """The parameters, and after them folder and files of the result."""
         return {**self.parameters, **self.output.parameters(self.parameters)}
 
-    def takes(self, kind: str) -> bool:
-        """Return whether the first parameter is one or more folders of a kind, and no other."""
-        first = next((each.rule for each in self.parameters.values()), None)
-        return first is not None and first.holds == (kind,)
+    def takes(self, kinds: Collection[str]) -> bool:
+        """Return whether the first parameter is one or more folders of one of the kinds alone."""
+        first = next((each.rule.holds for each in self.parameters.values()), ())
+        return len(first) == 1 and first[0] in kinds
 
     def takes_position(self, key: str) -> bool:
         """Return whether a parameter is an argument without an option's name at the shell."""

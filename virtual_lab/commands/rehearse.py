@@ -181,10 +181,9 @@ def branch(day: DayFolder, entry: int, folder: NewFolder) -> Answer:
     from virtual_lab.bench.machines.stored_day import StoredDay
 
     StoredDay.branch(Path(day), entry, Path(folder))
-    return Answer(
-        document={"day": str(folder)},
-        text=f"continue with: virtual-lab rehearse --day {folder} --open",
-    )
+    text = f"practice day with the first {entry} entries, in {folder}\n"
+    text += f"continue with: virtual-lab rehearse --day {folder} --open"
+    return Answer(document={"day": str(folder)}, text=text)
 
 
 def check(scenario: AnyScenario) -> StudyResult:

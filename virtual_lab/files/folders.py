@@ -28,20 +28,18 @@ class Certified(Protocol):
     def certification(self) -> Any: ...
 
 
-def folder_kind(folder: Path) -> str:
-    """Return the kind of a folder, a key of `KINDS`.
+def folder_kinds(folder: Path) -> set[str]:
+    """Return the kinds of a folder, keys of `KINDS`. A rehearsed day is also a result.
 
-    A folder that is missing or empty is ``new``. The result is an empty string for a file and for
-    any other folder.
+    A folder that is missing or empty is ``new``. The set is empty for a file and for any other
+    folder.
     """
     try:
-        for kind, (marks, _) in KINDS.items():
-            if any((folder / mark).is_file() for mark in marks):
-                return kind
-        empty = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
-    except (OSError, ValueError):  # no permission, a name too long, or one with a NUL character
-        return ""
-    return "new" if empty else ""
+        names = {each.name for each in folder.iterdir()} if folder.exists() else set()
+    except (OSError, ValueError):  # a file, no permission, a name too long or with a NUL character
+        return set()
+    kinds = {kind for kind, (marks, _) in KINDS.items() if names.intersection(marks)}
+    return kinds if names else {"new"}
 
 
 def folder_rule(*kinds: str) -> ParameterRule:
@@ -55,9 +53,10 @@ def folder_rule(*kinds: str) -> ParameterRule:
 
     def read(value: Any) -> Path:
         path = read_path(value)
-        kind = folder_kind(path)
-        if kind in KINDS and kind not in kinds:
-            raise InputError(str(path), "folder", None, f"is {words[kind]}; allowed: {allowed}")
+        others = folder_kinds(path) & words.keys()
+        if others and others.isdisjoint(kinds):
+            found = f"is {words[min(others)]}; allowed: {allowed}"
+            raise InputError(str(path), "folder", None, found)
         return path
 
     return replace(FOLDER, read=read, allowed=f"the path of {allowed}", holds=kinds)

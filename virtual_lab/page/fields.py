@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.commands.command import Command
-from virtual_lab.files.folders import KINDS, folder_kind
-from virtual_lab.page.wording import WORDS
+from virtual_lab.files.folders import KINDS, folder_kinds
+from virtual_lab.page.wording import WORDS, texts
 from virtual_lab.parameters import SETTINGS
 
 FOLDED = ("seed", "operator_seed", "workers")  # folded until they are filled in
@@ -60,14 +60,6 @@ def has_control(command: Command, key: str) -> bool:
     """Return whether a parameter has a control in the form of a command."""
     hidden = WORDS["hidden"]
     return key not in hidden["everywhere"] and key not in hidden.get(command.name, ())
-
-
-def texts(value: Any) -> tuple[str, ...]:
-    """Return a default, or the values of a call, as texts of a form."""
-    if value in (REQUIRED, None, False, (), ""):
-        return ()
-    values = value if isinstance(value, tuple | list) else (value,)
-    return tuple("yes" if each is True else str(each) for each in values)
 
 
 def given(command: Command, form: Mapping[str, Sequence[str]]) -> dict[str, Any]:
@@ -129,13 +121,13 @@ def offered(
     found = []
     for place, names, files in os.walk(folder):
         path = Path(place)
-        kind = folder_kind(path) if path != folder else ""
-        if kind in kinds:
+        present = folder_kinds(path) if path != folder else set()
+        if present.intersection(kinds):
             found.append(path)
-        elif not kind:
+        elif not present:
             named = (name for name in files if name.lower().endswith(endings))
             found += [path / name for name in named if name != SETTINGS]
-        deep = len(path.relative_to(folder).parts) >= DEEPEST or kind == "laboratory"
+        deep = len(path.relative_to(folder).parts) >= DEEPEST or "laboratory" in present
         names[:] = [] if deep else [name for name in names if name not in (RUNS, "truth")]
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):
         yield str(path), str(path.relative_to(folder))

@@ -25,14 +25,14 @@ from virtual_lab.commands.table import SECTIONS, every_command
 from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import InputError
 from virtual_lab.files import inside
-from virtual_lab.files.folders import folder_kind
+from virtual_lab.files.folders import folder_kinds
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
 from virtual_lab.page.clips import clip_size, frame_picture
-from virtual_lab.page.fields import controls, given, offered, texts
+from virtual_lab.page.fields import controls, given, offered
 from virtual_lab.page.runs import Runs, StartedRun
 from virtual_lab.page.uploads import LARGEST_UPLOAD, UPLOADS, receive
-from virtual_lab.page.wording import field_name, limits, refusal
+from virtual_lab.page.wording import field_name, limits, refusal, texts
 from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
@@ -107,7 +107,7 @@ class Page:
             refused = {key: self._sentence(command, key, form) for key in fault.faults}
             return self.form(command, form, refused)
         except InputError as fault:
-            return self.form(command, form, dict([refusal(command, fault)]))
+            return self.form(command, form, dict([refusal(command, fault, form)]))
         return RedirectResponse(f"/run/{run.number}", status_code=303)
 
     def _sentence(self, command: Command, key: str, form: Mapping[str, Sequence[str]]) -> str:
@@ -129,7 +129,7 @@ class Page:
             files=[name for name, path in run.files.items() if "truth" not in path.parts],
             target=target,
             sources=[each for each in self.runs.all() if run.is_of(each)],
-            kind=folder_kind(Path(target)) if target else "",
+            kinds=folder_kinds(Path(target)) if target else (),
             sealed=(Path(target) / "truth" / "truth.json").is_file(),
             comparable=len([*offered(self.folder, ("result",), ())]) > 1,
         )
