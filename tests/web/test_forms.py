@@ -20,8 +20,8 @@ from virtual_lab.commands.lines import shell_words
 from virtual_lab.commands.table import every_command
 from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import worded
-from virtual_lab.page.fields import given, texts
-from virtual_lab.page.wording import WORDS, field_name
+from virtual_lab.page.fields import given
+from virtual_lab.page.wording import WORDS, field_name, texts
 
 COMMANDS = {name: each for name, each in every_command().items() if name != "open"}
 HIDDEN = WORDS["hidden"]
@@ -114,6 +114,7 @@ def test_a_form_folds_most_fields_and_loads_no_simulation(tmp_path: Path) -> Non
         ("track", "clip=a&ball=73", "ball", "Allowed: a diameter with its unit, e.g. 73mm"),
         ("track", "clip=a.avi", "ball", "The scale is unknown; give “Ball”, “Scale” or"),
         ("track", "clip=b.avi", "clip", "No such file or folder, expected"),
+        ("track", "clip=c.avi&ball=73mm", "clip", "cannot be opened (cut short, unknown codec"),
     ],
 )
 def test_a_refused_value_stands_beside_its_field(
@@ -121,6 +122,7 @@ def test_a_refused_value_stands_beside_its_field(
 ) -> None:
     """Nothing runs, what was entered stays, and the error text is tied to the control."""
     clip_of(visitor.page.folder / "a.avi")
+    (visitor.page.folder / "c.avi").write_text("no clip")
     fields = fields.replace("clip=", f"clip={visitor.page.folder}/")
     answer = visitor.ask(f"/form/{name}", fields.encode())
     assert answer.status == 422

@@ -20,8 +20,8 @@ from virtual_lab.commands.output import LONGEST_NAME
 from virtual_lab.commands.running import check_target
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free, new_folder, parse_toml, read_text
-from virtual_lab.page.fields import RUNS, is_new, offered, texts
-from virtual_lab.page.wording import title_of
+from virtual_lab.page.fields import RUNS, is_new, offered
+from virtual_lab.page.wording import texts, title_of
 from virtual_lab.page.working import (
     BLANK,
     CALL,

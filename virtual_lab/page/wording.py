@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Any
 
-from virtual_lab.api.describing import ParameterDescription
+from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.catalog.reading import DATA
 from virtual_lab.commands.call import field_of
 from virtual_lab.commands.command import Command
@@ -48,13 +49,25 @@ def notes(command: Command, each: ParameterDescription, choices: Collection[obje
     return f"{plain(each.words)} {allowed and f'Allowed: {allowed}.'}".strip()
 
 
-def refusal(command: Command, fault: InputError) -> tuple[str, str]:
-    """Return the field of a command that an error belongs to, or "", and a sentence about it."""
+def texts(value: Any) -> tuple[str, ...]:
+    """Return a default, or the values of a call, as texts of a form."""
+    if value in (REQUIRED, None, False, (), ""):
+        return ()
+    values = value if isinstance(value, tuple | list) else (value,)
+    return tuple("yes" if each is True else str(each) for each in values)
+
+
+def refusal(command: Command, fault: InputError, values: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the field of a command that an error belongs to, or "", and a sentence about it.
+
+    It is the field that the error names, or the one of whose `values` is the file in the error.
+    """
     key, allowed = field_of(command, fault), worded(fault.allowed)
     if key:
         sentence = allowed if fault.value is None else f"“{fault.value}” cannot be used: {allowed}"
         return key, sentence[:1].upper() + sentence[1:]
-    return "", str(fault) if fault.key or fault.where else allowed
+    files = (name for name, each in values.items() if fault.where and fault.where in texts(each))
+    return next(files, ""), str(fault) if fault.key or fault.where else allowed
 
 
 def limits(rule: ParameterRule) -> str:

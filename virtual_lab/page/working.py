@@ -17,6 +17,7 @@ from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import InputError
 from virtual_lab.files import whole_file
 from virtual_lab.output.progress import show_progress
+from virtual_lab.page.fields import is_new
 from virtual_lab.page.wording import field_name, refusal
 
 CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
@@ -53,25 +54,24 @@ class ProgressFile:
 def carry_out_run(path: Path) -> None:
     """Carry out the call that the folder of a run describes, and write its outcome there."""
     request = json.loads((path / CALL).read_text("utf-8"))
-    command = every_command()[request["command"]]
+    command, values = every_command()[request["command"]], request["values"]
     began = time.monotonic()
     outcome: dict[str, Any] = {}
     try:
-        call = bind(command, request["values"])
+        call = bind(command, values)
         outcome = {"shell": shell_line(call), "python": python_line(call)}
         with show_progress(ProgressFile(path / PROGRESS_LINE)) as progress:  # type: ignore[arg-type]
             done = carry_out(call, progress)
-        written = [done.target, *done.files, *getattr(done.result, "files", ())]
-        if command.name == "template":
-            written.append(Path(request["values"]["folder"]))
+        new = [values.get(key) for key, each in command.parameters.items() if is_new(each)]
+        written = [done.target, *done.files, *getattr(done.result, "files", ()), *new]
         outcome |= {
             **answer_of(done.result),
             "text": str(done.result.text),
-            "written": [str(each) for each in dict.fromkeys(written) if each],
+            "written": [*dict.fromkeys(str(each) for each in written if each)],
             "missing": list(done.missing),
         }
     except InputError as fault:
-        outcome["field"], outcome["refused"] = refusal(command, fault)
+        outcome["field"], outcome["refused"] = refusal(command, fault, values)
     except OSError as fault:
         outcome |= {"refused": f"{fault.filename or 'file'}: {fault.strerror}"}
     except Exception:
