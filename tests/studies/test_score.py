@@ -15,6 +15,8 @@ from virtual_lab.certificate.seal import write_seal
 from virtual_lab.certificate.signing import digest_of_file as sha256
 from virtual_lab.certificate.signing import write_sums
 from virtual_lab.errors import InputError
+from virtual_lab.output.tables import table_text
+from virtual_lab.studies.score import QuantityScore
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
 FIELDS = {"seal", "state", "altered", "differs", "unchecked", "sealing"}
@@ -93,6 +95,34 @@ def test_without_errors_the_true_metric_of_each_hit_is_the_measured_one(
     hits = [row for name, row in rows.items() if name.startswith(f"{metric}_shot_")]
     assert len(hits) == test.shots["used"].sum()
     assert [row["true_value"] for row in hits] == pytest.approx([row["value"] for row in hits])
+
+
+@pytest.mark.parametrize(
+    ("name", "metric", "label"),
+    [
+        ("metric", "BPF", "BPF (result)"),
+        ("metric_as_found", "e", "e as found"),
+        ("restitution", "", "e"),
+        ("besr_shot_12", "BESR", "BESR of hit 12"),
+        ("width_m", "", "width_m"),
+    ],
+)
+def test_a_quantity_is_printed_by_its_symbol(name: str, metric: str, label: str) -> None:
+    row = QuantityScore(
+        quantity=name,
+        metric=metric,
+        unit="",
+        value=1.0,
+        u=0.1,
+        true_value=1.3,
+        error=-0.3,
+        z=-3.0,
+        held=False,
+    )
+    assert table_text([row]).splitlines()[1].startswith(f"{label} ")
+    said = f"{metric or label} 1.00, true 1.30: the error -0.30 is 3.0 of the standard uncertainty"
+    often = "and the true value is outside the 95 % interval, as in 5 % of all tests."
+    assert row.words == f"{said}, {often}"
 
 
 def test_litter_is_ignored_and_named(folder: Path) -> None:

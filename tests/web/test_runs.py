@@ -149,7 +149,7 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
     assert {"truth.json", "certificate.json"} < with_truth
     scored = finish(visitor, "score", f"folder={quote(str(made))}".encode())
     assert re.findall(r'<a href="/run/(\d+)">FAIL: e ', scored.text) == ["1"]
-    assert "restitution_shot_" in scored.text
+    assert "e of hit " in scored.text
     assert "Of the result" not in visitor.ask("/run/1").text
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab.certificate.comparing import Mismatch, RowState
+from virtual_lab.certificate.printed import SYMBOLS
 from virtual_lab.certificate.seal import TRUTH, compared_seal
 from virtual_lab.certificate.verify import (
     CERTIFICATE,
@@ -56,7 +57,7 @@ class QuantityScore:
     holds the true value; None if the certificate states no interval.
     """
 
-    quantity: str = column("quantity")
+    quantity: str = column("quantity", form=lambda row: row.label)
     metric: str  # symbol; empty for other quantities
     unit: str
     value: float | None = column("measured", "SI", ".6f")
@@ -95,16 +96,26 @@ class QuantityScore:
         )
 
     @property
+    def label(self) -> str:
+        """The quantity in print, by its symbol."""
+        name, _, hit = self.quantity.partition("_shot_")
+        label = SYMBOLS.get(name, self.metric or name)
+        if name.startswith("metric"):  # the result, or the same by another definition
+            label = f"{self.metric} {name[7:].replace('_', ' ') or '(result)'}"
+        return f"{label} of hit {hit}" if hit else label
+
+    @property
     def words(self) -> str:
         """The error in one sentence."""
         if self.value is None or self.error is None or self.z is None:
-            return f"The {self.quantity} has no error: its value or its uncertainty is missing."
+            return f"{self.label} has no error: its value or its uncertainty is missing."
         inside, form = "inside" if self.held else "outside", f".{decimals(self.u or 0.0)}f"
+        often = "" if self.held else ", as in 5 % of all tests"
         value, true = (with_unit(x, self.unit, form) for x in (self.value, self.true_value))
         return (
-            f"{self.metric or self.quantity} {value}, true {true}: the error "
+            f"{self.metric or self.label} {value}, true {true}: the error "
             f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.1f} of the standard "
-            f"uncertainty, and the true value is {inside} the 95 % interval."
+            f"uncertainty, and the true value is {inside} the 95 % interval{often}."
         )
 
 
@@ -143,7 +154,7 @@ def score(
     stated = dict.fromkeys(("metric", *others), metric)
     stated |= {name: certificate[name] for name in QUANTITIES if name in certificate}
     if AS_FOUND in measurand and correction:
-        stated[AS_FOUND] = correction["as_found"]
+        stated[AS_FOUND] = {**correction["as_found"], "name": metric["name"]}
     if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
         stated[WIDTH_KEY] = certificate[WIDTH_KEY]
     units = dict.fromkeys(("metric", *others, AS_FOUND), metric.get("unit", "")) | {WIDTH_KEY: "m"}
@@ -251,7 +262,7 @@ class CertificateScore(StudyResult):
     def draw(self) -> PageFigure:
         """Draw the errors in units of u, beside the limits of a 95 % interval."""
         return draw_intervals(
-            [Interval(row.quantity, row.z, 0.0, row.z) for row in self.rows if row.z is not None],
+            [Interval(row.label, row.z, 0.0, row.z) for row in self.rows if row.z is not None],
             self.title,
             "error (measured minus true value) divided by $u$",
             references=(-1.96, 1.96),
