@@ -131,6 +131,9 @@ def test_a_refused_value_stands_beside_its_field(
     assert f"f-{key}-fault" in re.search(r'aria-describedby="([^"]*)"', control)[1]
     assert sentence in re.search(rf'id="f-{key}-fault">(.*?)</p>', answer.text)[1]
     assert set(parse_qsl(fields)) <= set(form_of(answer.text)[0])
+    if "“Ball”" in sentence:  # the fields that it names are shown
+        assert "f-scale" in (shown := answer.text.partition("<details")[0])
+        assert "f-ruler" in shown
     assert not (visitor.page.folder / "runs").exists()
 
 
@@ -142,7 +145,7 @@ def test_uncertainties_may_be_typed_with_plus_and_minus() -> None:
 def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
     with parameters_named(field_name):
         message = worded("use {fps=240} or {ball_at=X,Y@FRAME}")
-    assert message == "use “Frame rate” 240 or “The ball in one frame”"
+    assert message == "use “Frame rate” = 240 or “The ball in one frame”"
 
 
 def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.commands.command import Command
 from virtual_lab.files.folders import KINDS, folder_kinds
-from virtual_lab.page.wording import WORDS, texts
+from virtual_lab.page.wording import WORDS, field_name, texts
 from virtual_lab.parameters import SETTINGS
 
 FOLDED = ("seed", "operator_seed", "workers")  # folded until they are filled in
@@ -39,7 +39,7 @@ def controls(
     `values` are the texts that the form shows in place of the defaults, and `faults` the sentences
     about refused values.
     """
-    example, shown = shlex.split(command.example), []
+    example, shown, said = shlex.split(command.example), [], "".join(faults.values())
     every = {key: texts(each.default) for key, each in command.parameters.items()} | {**values}
     stated = given(command, every)
     for key, each in command.parameters.items():
@@ -51,7 +51,7 @@ def controls(
         entered = every[key]
         if kind in ("path", "paths", "choice", "choices"):  # a value from elsewhere
             choices += [(text, text) for text in entered if text not in dict(choices)]
-        first = used or key in {*stated, *faults}
+        first = used or key in {*stated, *faults} or field_name(key) in said
         shown.append(Control(each, kind, choices, entered, faults.get(key, ""), first))
     return shown
 

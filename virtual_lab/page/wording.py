@@ -28,7 +28,7 @@ def field_name(key: str, value: str = "") -> str:
 
     A pattern such as ``X,Y@FRAME`` is no value: the field shows its own.
     """
-    return f"“{title_of(key)}” {'' if value.isupper() else value}".strip()
+    return f"“{title_of(key)}”" + (f" = {value}" if value and not value.isupper() else "")
 
 
 def plain(words: str) -> str:
