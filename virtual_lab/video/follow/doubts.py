@@ -107,7 +107,7 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 def against_flights(
     scene: FlightScene, watched: Watched, pieces: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
-    """Return notes on doubts about the flights. The list is empty if `ways` is empty.
+    """Return notes on doubts about the flights, or one note on their absence if `ways` is empty.
 
     There is a note for each of these findings:
 
@@ -129,7 +129,7 @@ def against_flights(
         Flights of the ball.
     """
     if not ways:
-        return []
+        return [("", _without_flight(pieces))]
     notes = []
     if more := beside(scene, ways, pieces):
         first = min(int(each.frames[0]) for each in more)
@@ -158,7 +158,7 @@ def against_flights(
     return notes
 
 
-def without_flight(pieces: Sequence[Piece]) -> str:
+def _without_flight(pieces: Sequence[Piece]) -> str:
     """Return a text for a clip without a flight: the reason, and advice for the user.
 
     `pieces` are the pieces of smooth motion in the clip. None of them is a flight.

@@ -27,7 +27,6 @@ from virtual_lab.video.follow.doubts import (
     of_drag,
     of_positions,
     require_diameter,
-    without_flight,
 )
 from virtual_lab.video.follow.flights import REST, fit_of_falls
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
@@ -212,9 +211,8 @@ def measure(
     shared, flights = None, []
     contacts: list[Contact] = []
     if model and scale:
-        hidden = drift > 0 and watched.still.hidden_drift is None
         if not sharp:
-            unseen = drift if hidden else 0.0
+            unseen = drift if watched.still.hidden_drift is None else 0.0
             notes += [*of_camera(model, unseen, knowledge.rate), *of_positions(model)]
         contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
@@ -230,8 +228,6 @@ def measure(
         flights = _flights(model, alone, contacts, scale, step)
         notes += against
     notes += against_size(rulers)
-    if not ways:
-        notes.append(("", without_flight(pieces)))
     notes += against_flights(scene, watched, pieces, ways)
     same = _while_moving(repeats(watched), ways or pieces)
     if same.any():
@@ -286,8 +282,8 @@ def _flights(
     flights = []
     for k, way in enumerate(model.ways):
         late = float(np.median(model.scene.late(way.blobs)))
-        names = "first_frame", "last_frame"
-        ends: dict[str, Any] = dict(zip(names, way.frames[[0, -1]].tolist(), strict=True))
+        first, last = way.frames[[0, -1]].tolist()
+        ends: dict[str, Any] = {"first_frame": first, "last_frame": last}
         for name, met, end in (("in", before, 1), ("out", after, -1)):
             t = met.get(k, float(way.t[::end][0]))
             speed_at = partial(_speed, k, t, late, scale)
