@@ -16,7 +16,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import with_axis_unit
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
-LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # edges of the panels [pt]
+LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 6, 30.0  # edges of the panels [pt]
 X_LABEL_HEIGHT = 32.0  # height of the labels below the axes [pt]
 
 

@@ -15,7 +15,7 @@ PAGE_WIDTH = 497.0  # text width of an A4 page [pt]
 BAND = "#d9d9d9"  # gray of an interval; markers on it stay visible in greyscale print
 DASHED = "5 2.5"
 TICK = 3.0  # length of a tick [pt]
-DIGIT = 4.45  # width of a digit of a sans-serif font at 8 pt [pt]
+DIGIT = 5.1  # width of a digit of a wide sans-serif font (DejaVu Sans) at 8 pt [pt]
 
 
 def figure(panels: Iterable[Panel], height: float, name: str, title: str, description: str) -> str:
@@ -177,7 +177,8 @@ class Panel:
         for number, words in enumerate(self.x_label.splitlines()):
             parts.append(_text(middle, below + 9.5 * number, words, "middle"))
         if self.y_label:
-            height, beside = (self.top + self.bottom) / 2, self.left - self._label_distance()
+            height = (self.top + self.bottom) / 2
+            beside = max(7.0, self.left - self._label_distance())  # not beyond the figure's edge
             turned = f' transform="rotate(-90 {_at(beside, height)})"'
             parts.append(_text(beside, height, self.y_label, "middle", turned))
         across = self.left
