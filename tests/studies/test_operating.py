@@ -69,7 +69,7 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
     assert answer.startswith(f"{TIGHT.name}, with the limit 1.2")
     first = found.text.partition("\n")[0].partition("; ")[0]
     assert first.startswith(
-        f"a bat at the limit of {TIGHT.name} passes one test with a probability of"
+        f"A bat at the limit of {TIGHT.name} passes one test with a probability of"
     )
     chances = [100 * row.pass_probability for row in points(found, 1)[POINTS:]]
     assert re.findall(r"([\d.]+) ± ", first) == [f"{chances[0]:.1f}"]

@@ -234,7 +234,7 @@ def operating(
             answers.append(f"{100 * invalid:.0f} % of the tests of a bat at the limit are INVALID.")
         at_limit, *_, over_it = (_best_of(1, row) for row in one[: len(OVER)])
         titles.append(
-            f"a bat at the limit of {rules.name} passes one test with a probability of {at_limit}, "
+            f"A bat at the limit of {rules.name} passes one test with a probability of {at_limit}, "
             f"{100 * (OVER[-1] - 1):.0f} % over it with {over_it}"
         )
         bat_spec = round_robin.setup.bat.spec
