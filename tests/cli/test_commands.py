@@ -290,6 +290,10 @@ def test_a_sweep_at_the_shell_equals_that_in_python(run: Run, tmp_path: Path) ->
     assert code == 0
     assert json.loads(out) == json.loads(table.to_json(orient="records"))
     assert (tmp_path / "rows.csv").read_text().startswith("bat,procedure,laboratory,")
+    verdicts = vl.sweep(["r161", "ea70"], procedures="bbcor", laboratories=2)["verdict"].tolist()
+    counts = {f"{verdicts.count(each)} {each}" for each in verdicts}
+    code, out, _ = run("sweep", "r161", "ea70", "--procedure", "bbcor", "--laboratories", "2")
+    assert set(out.splitlines()[0].removeprefix("tests: ").split(", ")) == counts
 
 
 TYPED = '''

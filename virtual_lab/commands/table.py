@@ -51,8 +51,10 @@ def _form(path: Path) -> Answer:
 def _answer_sweep(table: Any) -> Answer:
     """Return the answer for the table of a sweep: text up to the error, JSON and files."""
     document = json.loads(table.to_json(orient="records"))
-    text = table_text(table.loc[:, :"error"].to_dict("records"))
-    text += "\n\nMore columns: --csv FILE or --json"
+    verdicts = table["verdict"].value_counts().items()
+    text = f"tests: {', '.join(f'{count} {verdict}' for verdict, count in verdicts)}\n\n"
+    text += table_text(table.loc[:, :"error"].to_dict("records"))
+    text += "\n\nMore columns: in the table as CSV, and in JSON"
     return Answer(document=document, text=text, table=table)
 
 
