@@ -175,4 +175,3 @@ def test_a_result_without_a_sentence_has_its_first_line() -> None:
         assert answer_of(result) == said
     for symbol in ("e 0.537", "v_f 41.9", "e0 0.47"):  # which is not another one in capitals
         assert answer_of(Answer(document=[], text=symbol))["answer"] == symbol
-    assert answer_of(Answer(document=[], text="a bat passes"))["answer"] == "A bat passes"

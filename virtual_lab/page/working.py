@@ -86,8 +86,8 @@ def answer_of(result: Any) -> dict[str, Any]:
     sentence = result.text.strip().partition("\n")[0] or "Done"
     document = result.document if isinstance(result.document, dict) else {}
     names = [each["name"] if isinstance(each, dict) else each for each in document.get("flags", [])]
-    is_word = sentence[1:2].isalpha() or sentence.startswith("a ")  # not a symbol as e or v_f
-    answer = sentence[:1].upper() + sentence[1:] if is_word else sentence
+    # a symbol such as e or v_f stays as it is
+    answer = sentence[:1].upper() + sentence[1:] if sentence[1:2].isalpha() else sentence
     return {"answer": answer, "flags": names, "warnings": document.get("warnings", [])}
 
 
