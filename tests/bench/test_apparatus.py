@@ -162,6 +162,8 @@ def test_an_encoder_not_zeroed_shifts_all_counts_of_a_shot_alike(plain: Desk) ->
 def test_a_bat_not_at_rest_is_noticed_in_most_shots(plain: Desk) -> None:
     desk = Desk(day_of(without("wait-rest")))
     assert moved(desk.day, plain) == {"encoder"}
+    turned = np.diff(desk.session.records["impact"]["encoder"].counts[:, [0, 99]])
+    assert turned.min() < 0 < turned.max()
     assert [shot for shot, why in enumerate(desk.reasons) if "turning at" in why] == [
         0,
         2,

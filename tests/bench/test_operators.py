@@ -5,9 +5,11 @@ import tomllib
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner
+from scipy import stats
 
 import virtual_lab as vl
 from tests.bench.days import (
@@ -27,7 +29,7 @@ from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import fault_titles
-from virtual_lab.bench.day.operators import by_script, operator_of
+from virtual_lab.bench.day.operators import _confidence, by_script, operator_of
 from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable
@@ -416,6 +418,15 @@ def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
         given = ("give-verdict", {"verdict": verdict, "confidence": confidence})
         day = after_plain(("reduce", {}), given, ("hand-in", {}))
         assert debrief_of(day, scores_only=True).brier == pytest.approx(brier)
+
+
+def test_the_confidence_of_an_operator_is_the_probability_of_conformity() -> None:
+    """A result one u above the limit: 84 %; without a limit 90 %."""
+    met = SimpleNamespace(findings=[SimpleNamespace(met=True)])
+    for limit, expected in ((0.5, stats.norm.cdf(1)), (None, 0.9)):
+        rules = SimpleNamespace(spec=SimpleNamespace(metric_limit=limit))
+        desk = SimpleNamespace(result=(0.51, 0.01), rules=rules, certification=met)
+        assert _confidence(desk) == pytest.approx(expected)
 
 
 def test_results_entered_by_hand_are_checked_and_decide_the_verdict() -> None:

@@ -19,7 +19,7 @@ from virtual_lab.bench.scoring import costs
 from virtual_lab.bench.scoring import debrief as debriefing
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
 from virtual_lab.bench.scoring.deviations import DENIED, JUSTIFIED, OPEN, Deviation
-from virtual_lab.bench.scoring.scores import right_verdict
+from virtual_lab.bench.scoring.scores import detection_score, right_verdict
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 
@@ -268,6 +268,14 @@ def test_naming_every_fault_scores_by_the_confidence(
     assert scores(found)["detection"] == pytest.approx(max(0.0, 1 - squares))
     above = confidence > 10
     assert (found.found, len(found.false_alarms)) == (listed[:above], 2 * above)
+
+
+def test_named_faults_and_false_alarms_are_counted() -> None:
+    """Two of three faults are named; of two others, one has a probability below its rate."""
+    faults = ("gate-moved", "scale-not-tared", "wrong-ball")
+    named = {"gate-moved": 0.9, "scale-not-tared": 0.9, "wrong-lot": 0.5, "wall-drift": 0.05}
+    _, words = detection_score(named, faults, dict.fromkeys(named, 0.1))
+    assert words.startswith("2 of 3 faults named, 1 false alarm; ")
 
 
 def test_a_doubt_struck_out_does_not_count(debrief_of: Any) -> None:

@@ -24,7 +24,7 @@ from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.streams import Quiet, Selected, Streams
 from virtual_lab.studies.interlab import findings
 from virtual_lab.studies.interlab.expected import ExpectedScatter, expected_scatter
-from virtual_lab.studies.interlab.findings import ALL, InterlabTerm, _precision
+from virtual_lab.studies.interlab.findings import ALL, InterlabTerm, _interaction, _precision
 from virtual_lab.studies.interlab.playing import Play
 from virtual_lab.studies.interlab.predicted import NominalTest
 from virtual_lab.studies.interlab.study import (
@@ -426,3 +426,9 @@ def test_wrong_input_gives_one_line(study: Path, old: str, new: str, said: str) 
         vl.interlab(study)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_interaction_is_the_variance_that_the_single_factors_lack() -> None:
+    """13² - 3² - 4² = 12², and 0² - 3² - 4² = -5²."""
+    row = InterlabTerm(**dict.fromkeys(InterlabTerm.__slots__))
+    assert [_interaction([3.0, 4.0], each, 9, row).simulated for each in (13.0, 0.0)] == [12, -5]

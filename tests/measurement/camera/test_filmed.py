@@ -9,7 +9,7 @@ from scipy import stats
 from tests.simulation.instruments.camera.scenes import SHOTS, bat_of, camera_of, course_of, spec_of
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.camera.filmed import CameraResults, Sightings, frames_u, reduce_film
-from virtual_lab.measurement.camera.windows import sight
+from virtual_lab.measurement.camera.windows import _noise, sight
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.records import ClipRecord
 from virtual_lab.simulation.instruments import RecordDetail
@@ -219,3 +219,10 @@ def test_bad_windows_are_named() -> None:
         sight(replace(record, background=None), x)
     with pytest.raises(InputError, match="left_px"):
         sight(replace(record, left=record.left + 4000), x)
+
+
+def test_the_noise_of_a_dark_pixel_is_that_of_readout_pattern_and_rounding() -> None:
+    """(3² + 4²) electrons² at 2 DN per electron, and 1/12 DN² of a rounded number."""
+    names = ("gain", "read_noise", "dark_signal", "black_level", "photo_response", "full_scale")
+    noise = _noise(dict(zip(names, (2.0, 3.0, 4.0, 64.0, 0.01, 4095.0), strict=True)))
+    assert noise.read == pytest.approx(100 + 1 / 12)

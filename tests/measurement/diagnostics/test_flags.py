@@ -520,6 +520,15 @@ def test_the_p_value_of_the_worst_release_is_right(releases: int) -> None:
     assert np.sum(comparison.likely < 0.05) > 0.9 * 0.05 * len(apart)
 
 
+def test_a_release_shifts_the_mean_by_its_share() -> None:
+    """A release of five is off by two harmless shifts, each 5 % of the u of the result."""
+    off, count = 1e-3, 5
+    comparison = _worst_release(
+        np.array([[off, 1e-9, -1e-9, 2e-9, 0.0]]), np.array([2 * 0.05 * count / off])
+    )
+    assert comparison.harmful == pytest.approx(1 - (1 - 2 * stats.norm.sf(2)) ** count, rel=1e-2)
+
+
 def test_marks_far_off_the_aim_make_a_test_invalid() -> None:
     """Half an inch along the bat is 7.7 u of the bbcor result."""
     certification = certified(

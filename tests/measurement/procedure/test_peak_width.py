@@ -95,6 +95,15 @@ def test_a_curve_that_never_falls_is_at_least_as_wide_as_the_hits() -> None:
     assert (falling.span.low_cut_off, falling.span.high_cut_off) == (True, False)
 
 
+def test_a_curve_that_only_falls_has_its_maximum_at_the_first_hit() -> None:
+    """A line that falls by the drop in two inches."""
+    assert RULES.scan is not None
+    width = width_of(RULES, PLACES, ALL, -RULES.scan.width_drop * PLACES / (2 * INCH))
+    assert width is not None
+    assert (width.span.low_cut_off, width.span.high_cut_off) == (True, False)
+    assert (width.span.low, width.span.high) == pytest.approx((3 * INCH, 5 * INCH))
+
+
 def test_no_width_is_given_if_not_requested_or_with_few_positions() -> None:
     metric = skewed(0.03, 0.0, 6 * INCH)
     assert RULES.scan is not None
