@@ -408,6 +408,8 @@ def test_only_the_trainer_plays_an_exam_back(tmp_path: Path) -> None:
 def test_the_notebook_lists_actions_and_readings(browser: Browser) -> None:
     browser.do("weigh-bat")
     browser.do("strike-out", entry=1, because="wrong bat")
+    newest_first = browser.ask("/").text.rpartition("<h2>Notebook</h2>")[2]
+    assert newest_first.index("wrong bat") < newest_first.index("<s>Weigh the bat</s>")
     page = browser.ask("/notebook").text
     assert "<s>Weigh the bat</s> struck out" in page
     assert re.search(r"<s>reading 1 \d+\.\d g", page)
