@@ -16,7 +16,7 @@ from virtual_lab.measurement.reduction.rate import RateFit, unwrap
 from virtual_lab.measurement.reduction.recoil import RECOIL, fit_recoil
 from virtual_lab.records import EncoderRecord
 
-RECORDS, SHOTS = 300, 6
+RECORDS, SHOTS = 150, 6
 COUNTS = 10_000  # counts per turn
 
 
@@ -63,13 +63,13 @@ def fitted() -> list[tuple[Made, RateFit]]:
 
 
 def test_bias_is_below_the_stated_uncertainty() -> None:
-    """In at least 95 % of 300 records, the mean error over the shots is below their mean u."""
+    """In at least 95 % of 150 records, the mean error over the shots is below their mean u."""
     below = [abs(np.mean(fit.rate - one.rate)) < np.mean(fit.rate_u) for one, fit in fitted()]
     assert np.mean(below) >= 0.95
 
 
 def test_stated_uncertainty_is_the_scatter() -> None:
-    """1800 shots: z has standard deviation 1 (to 20 %), and at least 90 % are within 2.
+    """900 shots: z has standard deviation 1 (to 20 %), and at least 90 % are within 2.
 
     Its mean is 0, but for the error of the cubic deceleration, 1e-5 of the rate or 0.1 u.
     """
@@ -81,7 +81,7 @@ def test_stated_uncertainty_is_the_scatter() -> None:
 
 
 def test_rates_are_recovered() -> None:
-    """All 1800 rates are within 0.1 % (one count in 150 ms at 20 rad/s is 0.02 %)."""
+    """All 900 rates are within 0.1 % (one count in 150 ms at 20 rad/s is 0.02 %)."""
     for one, fit in fitted():
         assert fit.rate == pytest.approx(one.rate, rel=1e-3)
 
@@ -265,7 +265,7 @@ def test_counts_in_steps_of_four_are_no_misfit() -> None:
 
 
 def test_half_a_record_agrees_with_the_whole() -> None:
-    """1800 shots: the difference over its u scatters by 1 (to 20 %), at least 90 % within 2.
+    """900 shots: the difference over its u scatters by 1 (to 20 %), at least 90 % within 2.
 
     By Gauss and Markov a least-squares fit of the whole is uncorrelated with its difference from
     any other unbiased fit, so u² = u_half² - u_whole².
