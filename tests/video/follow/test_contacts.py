@@ -106,7 +106,7 @@ def test_three_positions_or_one_twice_as_far_off_the_flight_are_flagged(
     assert [flag for flag, _ in notes] == ["POSITIONS_OFF"] * flagged
     frames = ", ".join(map(str, model.ways[flight].frames[part]))
     for _, words in notes:
-        assert re.search(rf" frames? {frames} (is|are) up to {off} pixels", words)
+        assert re.search(rf" frames? {frames} (is|are up to) {off} pixels", words)
 
 
 def test_the_u_of_a_restitution_includes_a_fit_without_the_positions_that_are_off() -> None:

@@ -211,8 +211,8 @@ def of_positions(model: FittedFlights) -> list[Note]:
         return []
     frames = np.concatenate([way.frames for way in model.ways])[off]
     most = float(np.hypot(*np.concatenate(model.fit.residuals)[off].T).max())
-    s, are = ("", "is") if len(frames) == 1 else ("s", "are")
-    words = f"the position{s} of frame{s} {', '.join(map(str, frames))} {are} up to {most:.2g}"
+    s, are = ("", "is") if len(frames) == 1 else ("s", "are up to")
+    words = f"the position{s} of frame{s} {', '.join(map(str, frames))} {are} {most:.2g}"
     why = f"pixels off the fitted flights, {most / model.fit.spread:.0f} times the scatter"
     advice = "speeds and restitution may be wrong; remove those that are not on the ball"
     return [("POSITIONS_OFF", f"{words} {why}; {advice}")]
