@@ -111,6 +111,7 @@ def test_a_metric_converted_by_a_formula_is_also_compared_with_the_standard_ball
     assert shares.pop("metric_with_standard_ball") == 0.5
     assert set(shares.values()) == {0.5}
     assert [row.quantity for row in rows][:2] == ["metric", "metric_with_standard_ball"]
+    assert "bat_performance_factor" not in shares  # the metric
 
 
 def test_the_edge_of_an_interval_is_students(studied: Any) -> None:

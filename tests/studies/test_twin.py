@@ -91,6 +91,7 @@ def test_the_days_scatter_as_the_records_and_find_the_stated_result(certificatio
         assert row.u_ratio == pytest.approx(1, abs=0.25), row.quantity
         assert row.finding == "right"
     assert rows[0].value == certification.metric.value
+    assert certification.procedure.metric not in [row.quantity for row in rows]
 
 
 def test_the_bat_of_the_days_is_the_measured_rigid_body(certification, days) -> None:

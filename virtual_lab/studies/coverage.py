@@ -274,8 +274,9 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
     Laboratories with an INVALID test are only counted. Raises `ValueError` if no laboratory has a
     result.
     """
-    order = ("metric", STANDARD_BALL, *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
+    metric_name = nominal.setup.rules.spec.metric
+    order = ("metric", STANDARD_BALL, *(each for each in QUANTITIES if each != metric_name))
     rows_of_quantity: dict[str, list[Array]] = {name: [] for name in order}
     strayed: list[Array] = []
     bends: dict[str, float] = {}
@@ -301,7 +302,7 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
             )
     rejected = 1 - valid / fired
     about = {"bat": bat, "procedure": procedure, "invalid": invalid, "rejected": rejected}
-    unit = METRICS[nominal.setup.rules.spec.metric].si_unit
+    unit = METRICS[metric_name].si_unit
     units = {"metric": unit, STANDARD_BALL: unit}
     metric, *rows = (
         _row(

@@ -86,6 +86,7 @@ def compare_quantities(
     """
     assert certification.metric is not None
     stated = {"metric": certification.metric, **certification.quantities}
+    stated.pop(certification.procedure.metric, None)  # equals the metric
     errors: dict[str, list[Array]] = {name: [] for name in stated}
     played = 0
     numbers = SIDE_BY_SIDE + np.arange(days)  # after the days that give the scatter
