@@ -86,7 +86,7 @@ def test_the_pictures_of_a_camera_are_played_again(tmp_path: Path) -> None:
     changes = {f"scan.{key}": value for key, value in scan.items()}
     changes |= {"scan.coarse_hits": 1, "scan.final_hits": 2}
     rules = vl.procedure("bbcor").with_(changes, valid_hits=2, balls=2, wall_hits=2)
-    camera = vl.instrument("camera-overhead").with_(frames_in=8, frames_out=8, empty_frames=2)
+    camera = vl.instrument("camera-overhead").with_(frames_in=6, frames_out=6, empty_frames=2)
     words: dict[str, Any] = {"rig": "filmed-cannon", "seed": 3}
     test = vl.certify("r161", procedure=rules, instruments=[camera], progress=quiet, **words)
     folder = test.save(tmp_path / "out")
