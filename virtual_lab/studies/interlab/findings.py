@@ -166,11 +166,11 @@ def interlab(
         title = "effect of each factor alone, predicted"
         return Interlab(name="interlab", title=title, rows=rows, exercises={})
     tests = f"{spec.exercises} x {spec.laboratories} laboratories, {spec.lots} lots"
-    title = f"{tests}, {spec.repeats} repeats; {spec.alone} laboratories per factor alone"
+    tests += f", {spec.repeats} repeats; {spec.alone} laboratories per factor alone"
     units = {_case_name(row): row.unit for row in rows}
     texts = [_consistency(name, units[name], each) for name, each in exercises.items()]
-    words = "\n".join([WORDS, *texts])
-    return Interlab(name="interlab", title=title, words=words, rows=rows, exercises=exercises)
+    title = "\n".join([*texts, "", tests])
+    return Interlab(name="interlab", title=title, words=WORDS, rows=rows, exercises=exercises)
 
 
 def _require_effects(play: Play, where: str) -> None:
