@@ -118,6 +118,12 @@ def imports() -> dict[str, set[str]]:
     return {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
 
 
+@pytest.fixture(scope="module")
+def trees() -> dict[Path, ast.Module]:
+    """Return the syntax trees of all modules."""
+    return {path: ast.parse(path.read_text("utf-8")) for path in MODULES}
+
+
 def room(module: str) -> str:
     """Return the entry of `virtual_lab` that contains a module, or ``rigs``."""
     top, _, rest = module.partition(".")
@@ -234,13 +240,13 @@ def draws_of_its_own(tree: ast.AST) -> Iterator[int]:
             yield node.lineno
 
 
-def test_only_streams_draws_random_numbers() -> None:
+def test_only_streams_draws_random_numbers(trees: dict[Path, ast.Module]) -> None:
     """No module outside `virtual_lab.streams` uses np.random or random."""
     offenders = [
         f"{path.relative_to(ROOT)}:{line}"
-        for path in MODULES
+        for path, tree in trees.items()
         if path.parent.name != "streams"
-        for line in draws_of_its_own(ast.parse(path.read_text("utf-8")))
+        for line in draws_of_its_own(tree)
     ]
     assert offenders == []
 
@@ -266,7 +272,7 @@ def installed_with(requirements: list[str]) -> set[str]:
     return names
 
 
-def test_every_imported_package_is_a_dependency() -> None:
+def test_every_imported_package_is_a_dependency(trees: dict[Path, ast.Module]) -> None:
     """The tools of the dev group are installed here, but not in the environment of a user."""
     project = PROJECT["project"]
     extras = [each for name in project["optional-dependencies"].values() for each in name]
@@ -274,8 +280,8 @@ def test_every_imported_package_is_a_dependency() -> None:
     distributions = packages_distributions()
     imported = {
         (name.split(".")[0], path)
-        for path in MODULES
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for path, tree in trees.items()
+        for node in ast.walk(tree)
         for name in imported_by(node)
     }
     ours = {"virtual_lab", "rigs", *sys.stdlib_module_names}
@@ -328,14 +334,14 @@ def parameters(node: ast.AST) -> int:
     return len([*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs])
 
 
-def test_only_a_users_functions_have_many_parameters() -> None:
+def test_only_a_users_functions_have_many_parameters(trees: dict[Path, ast.Module]) -> None:
     """Outside the user interfaces, no function has more than twelve."""
     rooms = [ROOT / "virtual_lab" / name for name in ("api", "cli", "commands")]
     long = [
         f"{path.relative_to(ROOT)}: {node.name}"
-        for path in MODULES
+        for path, tree in trees.items()
         if path.parent not in rooms
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for node in ast.walk(tree)
         if parameters(node) > 12
     ]
     assert long == []
@@ -349,9 +355,9 @@ def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
             yield from statements(getattr(each, inner, []))
 
 
-def test_no_public_name_has_two_meanings() -> None:
+def test_no_public_name_has_two_meanings(trees: dict[Path, ast.Module]) -> None:
     """The test covers public classes and functions, and constants that other modules import."""
-    bodies = {path: ast.parse(path.read_text("utf-8")).body for path in MODULES}
+    bodies = {path: tree.body for path, tree in trees.items()}
     imported = {
         (each.module, alias.name)
         for body in bodies.values()
