@@ -562,15 +562,16 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     metric = stated["metric"]
     size = MPH if metric["name"] == "batted_speed" else 1.0
     (found,) = re.findall(
-        r"^  \S+ +([\d.]+) ± ([\d.]+).* \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+).*, "
-        r"(?:no limit|limit ([\d.]+))",
+        r"^  \S+ +([\d.]+) ± ([\d.]+).* \(u ([\d.]+)\).*95 % interval ([\d.]+) to ([\d.]+).* "
+        r"\(k = ([\d.]+)\), (?:no limit|limit ([\d.]+))",
         text,
         re.MULTILINE,
     )
     half = metric["interval_95"][1] - metric["value"]
     expected = [metric["value"], half, metric["u"], *metric["interval_95"]]
     assert all(map(agrees, found, [each / size for each in expected]))
-    assert found[5] == "" if metric["limit"] is None else agrees(found[5], metric["limit"] / size)
+    assert agrees(found[5], half / metric["u"])
+    assert found[6] == "" if metric["limit"] is None else agrees(found[6], metric["limit"] / size)
     symbols = {"BPF": "bat_performance_factor", "e_A": "collision_efficiency", "e": "restitution"}
     for symbol, key in (symbols | {"r": "recoil_factor", "e0": "ball_restitution"}).items():
         if key in stated:

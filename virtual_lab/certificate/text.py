@@ -58,7 +58,9 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
     first = f", to first order {result['u_first_order']}" if result["u_first_order"] else ""
     value = f"{result['text']} (u {result['u']}{first})"
-    yield f"{result['symbol']:4} {value}   95 % interval {result['interval']}, {most}"
+    factor = f" (k = {result['k']})" if result["uncertain"] else ""
+    interval = f"{result['interval']}{factor}"
+    yield f"{result['symbol']:4} {value}   95 % interval {interval}, {most}"
     if as_found := printed["as_found"]:
         yield (
             f"{result['symbol']:4} {as_found['text']} (u {as_found['u']})"
