@@ -10,7 +10,7 @@ from tests.studies.clips import _row, clip_coverage
 
 
 def test_intervals_hold_where_a_camera_writes_places() -> None:
-    """24 clips minus rejected ones (13 %): the count fits a binomial distribution of 0.94."""
+    """24 clips minus rejected ones (20 %): the count fits a binomial distribution of 0.94."""
     for row in clip_coverage(clips=24, seed=500, summed=True):
         assert row.clips + row.missed_clips == 24
         assert row.missed_clips <= 9
