@@ -32,7 +32,7 @@ def followed(blobs: Blobs, readout: float | None = 0.0) -> FollowedClip:
         source=SimpleNamespace(path="clip"),
     )
     watched = Watched(
-        still=cast("Any", SimpleNamespace(drifts=False)),
+        still=cast("Any", SimpleNamespace(drifts=False, hidden_drift=0.0)),
         blobs=blobs,
         change=np.full(count, np.nan),
     )
