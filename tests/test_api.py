@@ -232,7 +232,8 @@ def test_a_score_plots_its_errors(tested: vl.Certificate, tmp_path: Path) -> Non
     tested_rows = [row for row in result.rows if row.z is not None]  # e_A of a hit has no u
     assert [value for _, value, _ in lines_of(figure)] == [row.z for row in tested_rows]
     names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
-    assert names == [row.quantity for row in tested_rows]
+    hits = tested.shots.query("used")["shot"]
+    assert names == ["BPF (result)", "e_A", "e", "r", "e0", *(f"BPF of hit {n + 1}" for n in hits)]
     assert lines_of(replace(result, rows=()).plot()) == []
 
 
