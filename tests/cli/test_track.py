@@ -338,6 +338,8 @@ def test_the_changes_of_a_correction_and_the_answer_before_are_stated(
     said = f"positions by hand: {changed}, frame {added['frame']:.0f} is added; before, {before}"
     assert track.document["warnings"][0] == said
     assert f"\n  note: {said}\n" in track.text
+    air = f"; the air takes {100 * track.document['drag_per_m']:.2g} % of the speed per meter"
+    assert air in track.text
 
 
 def test_flights_at_the_same_time_are_refused(

@@ -259,6 +259,8 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
         said += (
             f"difference {100 * apart_u:.2g} %, a difference of {abs(off_u(scale, each)):.1f} u)"
         )
+    if track.drag_per_m:
+        said += f"; the air takes {100 * track.drag_per_m:.2g} % of the speed per meter"
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:
         side = "right" if roll > 0 else "left"
