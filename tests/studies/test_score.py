@@ -53,7 +53,7 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     answer, *_, seal, replay, sealing = scored.text.splitlines()
     inside = "inside" if metric["held"] else "outside"
     stated = f"BPF {metric['value']:.4f}, true {metric['true_value']:.4f}: the error {error:+.4f}"
-    assert answer.startswith(f"{stated} is {abs(metric['z']):.1f} of the standard uncertainty")
+    assert answer.startswith(f"{stated} is {abs(metric['z']):.1f} times the standard uncertainty")
     assert f"the true value is {inside} the 95 % interval" in answer
     truth = json.loads((folder / "truth" / "truth.json").read_text())
     true, bat = pd.DataFrame(truth["shots"]), truth["bat_properties"]
@@ -71,7 +71,7 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
         assert (of_metric["metric"], of_metric["u"]) == ("BPF", pytest.approx(u))
         assert of_metric["z"] == pytest.approx((bpf - of_metric["true_value"]) / u)
         place, out, e0 = true.loc[shot, ["place", "collision_efficiency", "ball_restitution"]]
-        impulse = truth["balls"]["mass"][ball] * (1 + out)  # of a ball of 1 m/s
+        impulse = truth["balls"]["mass"][ball] * (1 + out)  # impulse on a ball of 1 m/s
         e = out + impulse * (axis - place) ** 2 / inertia
         assert of_metric["true_value"] == pytest.approx(e / e0)
     assert (seal, replay) == ("The seal is intact.", "Played again: truth and records agree.")
@@ -120,7 +120,9 @@ def test_a_quantity_is_printed_by_its_symbol(name: str, metric: str, label: str)
         held=False,
     )
     assert table_text([row]).splitlines()[1].startswith(f"{label} ")
-    said = f"{metric or label} 1.00, true 1.30: the error -0.30 is 3.0 of the standard uncertainty"
+    said = (
+        f"{metric or label} 1.00, true 1.30: the error -0.30 is 3.0 times the standard uncertainty"
+    )
     often = "and the true value is outside the 95 % interval, as in 5 % of all tests."
     assert row.words == f"{said}, {often}"
 

@@ -7,6 +7,7 @@ continuous curve and, if the procedure requires it, the width of the curve near 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +15,11 @@ from numpy.typing import NDArray
 
 from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.measurement.procedure.model import AS_FOUND
+from virtual_lab.measurement.procedure.model import AS_FOUND, CONTROL
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.physics.cubics import PiecewiseCubic, smooth_cubic
+from virtual_lab.simulation.physics.truth import SealedTruth
 from virtual_lab.simulation.stations.rig import ErrorFreeTest, ShotPlan, Specimen
 from virtual_lab.streams import Owner
 from virtual_lab.units import Array
@@ -25,6 +27,7 @@ from virtual_lab.units import Array
 CONTINUOUS = "metric_of_continuous_curve"
 STANDARD_BALL = "metric_with_standard_ball"
 WIDTH_KEY = "width_m"
+TRUE_OF_HIT = ("place", "collision_efficiency", "ball_restitution")  # keys of `SealedTruth.shots`
 POINTS = 41  # number of points of the continuous curve
 
 
@@ -225,3 +228,33 @@ def true_curve(
         recoil_factor=rigid.recoil_factor,
         ball_restitution=true.ball_restitution,
     )
+
+
+def true_metrics_of_hits(truth: SealedTruth, procedure: Procedure, balls: Sequence[int]) -> Array:
+    """Return the true metric of each shot, of its own ball where it really hit, (shot,) [SI].
+
+    Parameters
+    ----------
+    truth
+        True values of a test, whose shots have those of `TRUE_OF_HIT`.
+    procedure
+        Procedure, which states the metric and the support of the bat.
+    balls
+        Number of the ball of each shot, (shot,).
+    """
+    bat, (place, e_A, e0) = truth.bat.rigid, (truth.shots[name] for name in TRUE_OF_HIT)
+    axis = bat.length - procedure.pivot_from_knob
+    yielding = (axis - place) ** 2 / bat.inertia(axis)  # 1 / effective mass
+    if procedure.recoil == "free":
+        yielding = 1 / bat.mass + (place - bat.z_cm) ** 2 / bat.inertia_cm
+    r = yielding * truth.balls.mass[balls]
+    curve = TrueCurve(
+        procedure=procedure,
+        bat=bat,
+        position=place,
+        collision_efficiency=e_A,
+        restitution=e_A * (1 + r) + r,
+        recoil_factor=r,
+        ball_restitution=e0,
+    )
+    return curve.metric(truth.constants.get(CONTROL, 1.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from math import sqrt
 from operator import itemgetter
@@ -25,11 +25,16 @@ from virtual_lab.certificate.verify import (
 from virtual_lab.errors import InputError
 from virtual_lab.files import litter, read_bytes, read_json
 from virtual_lab.lab import BatTest
-from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
+from virtual_lab.lab.measurand import (
+    CONTINUOUS,
+    STANDARD_BALL,
+    TRUE_OF_HIT,
+    WIDTH_KEY,
+    true_metrics_of_hits,
+)
 from virtual_lab.lab.recipe import Recipe
-from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure.choice import variances_within
-from virtual_lab.measurement.procedure.model import AS_FOUND, CONTROL, QUANTITIES
+from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
@@ -39,12 +44,10 @@ from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.records.origin import REHEARSAL
 from virtual_lab.studies.replay import compared_replay, play_again
 from virtual_lab.uncertainty.budget import HITS
-from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
-OF_HIT = ("place", "collision_efficiency", "ball_restitution")  # true values of each shot
 STATED = ("seal", "state", "unchecked", "sealing", "faults", "sheets", "ignored")  # keys of JSON
 
 
@@ -101,7 +104,8 @@ class QuantityScore:
         name, _, hit = self.quantity.partition("_shot_")
         label = SYMBOLS.get(name, self.metric or name)
         if name.startswith("metric"):  # the result, or the same by another definition
-            label = f"{self.metric} {name[7:].replace('_', ' ') or '(result)'}"
+            definition = name.removeprefix("metric").replace("_", " ").strip()
+            label = f"{self.metric} {definition or '(result)'}"
         return f"{label} of hit {hit}" if hit else label
 
     @property
@@ -114,8 +118,8 @@ class QuantityScore:
         value, true = (with_unit(x, self.unit, form) for x in (self.value, self.true_value))
         return (
             f"{self.metric or self.label} {value}, true {true}: the error "
-            f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.1f} of the standard "
-            f"uncertainty, and the true value is {inside} the 95 % interval{often}."
+            f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.1f} times the "
+            f"standard uncertainty, and the true value is {inside} the 95 % interval{often}."
         )
 
 
@@ -188,38 +192,18 @@ def hit_scores(
         measured = {"value": rebound if recoil is None else recoil, "u": None}
         name = f"collision_efficiency_shot_{shot + 1}"
         yield QuantityScore.of(name, measured, truth["shots"]["collision_efficiency"][shot])
-    if test is None or not set(OF_HIT) <= test.sealed.shots.keys():
+    if test is None or not set(TRUE_OF_HIT) <= test.sealed.shots.keys():
         return
     value, place = np.array([(each["value"], each["impact_position_in"]) for each in hits]).T
     variance, freedom = variances_within(np.zeros(len(hits), int), place, value, 1)
     scatter = sum(row["contribution"] for row in certificate["budget"] if row["component"] == HITS)
     u = sqrt(metric["u"] ** 2 - scatter**2 + variance[0]) if freedom[0] else None
-    true = _true_metrics(test, [each["ball"] for each in certificate["shots"]])
+    balls = [each["ball"] for each in certificate["shots"]]
+    true = true_metrics_of_hits(test.sealed, test.certification.procedure, balls)
     for each in hits:
         measured, shot = {**each, "name": metric["name"], "u": u}, each["shot"]
         name = f"{metric['name']}_shot_{shot + 1}"
         yield QuantityScore.of(name, measured, float(true[shot]), metric["unit"])
-
-
-def _true_metrics(test: BatTest, balls: Sequence[int]) -> Array:
-    """Return the true metric of each shot, (shot,) [SI]. `balls` are the numbers of the balls."""
-    truth, procedure = test.sealed, test.certification.procedure
-    bat, (place, e_A, e0) = truth.bat.rigid, (truth.shots[name] for name in OF_HIT)
-    axis = bat.length - procedure.pivot_from_knob
-    yielding = (axis - place) ** 2 / bat.inertia(axis)  # 1 / effective mass
-    if procedure.recoil == "free":
-        yielding = 1 / bat.mass + (place - bat.z_cm) ** 2 / bat.inertia_cm
-    r = yielding * truth.balls.mass[balls]
-    curve = TrueCurve(
-        procedure=procedure,
-        bat=bat,
-        position=place,
-        collision_efficiency=e_A,
-        restitution=e_A * (1 + r) + r,
-        recoil_factor=r,
-        ball_restitution=e0,
-    )
-    return curve.metric(truth.constants.get(CONTROL, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
