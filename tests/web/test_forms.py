@@ -156,7 +156,7 @@ def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
         *(("campaign check", "campaign%20run"), ("rehearse branch", "rehearse")),
     ):
         assert f'{advice} <a href="/form/{maker}">' in visitor.ask(f"/form/{name}").text
-    assert advice not in visitor.ask("/form/certify").text  # which needs no folder
+    assert advice not in visitor.ask("/form/certify").text  # certify needs no folder
     home, result = visitor.page.folder, ["certificate.json", "settings.toml", "truth/seal.json"]
     others = ["old/certificate.json", "a/settings.toml", "c.toml", "d.json"]
     for path in [*(home / "made" / name for name in result), *(home / name for name in others)]:

@@ -258,7 +258,7 @@ def test_the_last_change_of_a_track_is_undone(page: Any, student: str) -> None:
     status, buttons = page.locator(".clip [role=status]"), page.get_by_role("button")
     press(page, ".stage", "PageDown", "Delete", "PageDown", "Delete")
     assert buttons.filter(has_text="Remove").is_disabled()
-    page.fill("[data-flight]", "7")  # of a position that is not yet set
+    page.fill("[data-flight]", "7")  # flight of a position that is not set yet
     press(page, ".stage", "Control+z", "PageUp")
     assert status.inner_text() == "Frame 1: no position"
     page.evaluate("scrollTo(0, one('.stage').getBoundingClientRect().top + scrollY + 60)")

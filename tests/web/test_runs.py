@@ -173,5 +173,5 @@ def test_a_result_without_a_sentence_has_its_first_line() -> None:
         result = Answer(document=document, text="\n slope of e_A\nmore")
         said = {"answer": "Slope of e_A", "flags": flags, "warnings": warnings}
         assert answer_of(result) == said
-    for symbol in ("e 0.537", "v_f 41.9", "e0 0.47"):  # which is not another one in capitals
+    for symbol in ("e 0.537", "v_f 41.9", "e0 0.47"):  # a symbol keeps its small letter
         assert answer_of(Answer(document=[], text=symbol))["answer"] == symbol

@@ -101,7 +101,7 @@ def _film(
 ) -> None:
     """Write a phone's file: with B-frames, a key frame per second, and half the color."""
     options = {"crf": str(scene.crf), "preset": "veryfast", "bf": "2", "x265-params": "log-level=0"}
-    options["x264-params"] = "asm=AVX2"  # with AVX-512 it writes one of several files, by chance
+    options["x264-params"] = "asm=AVX2"  # x264 with AVX-512 writes one of several files
     with av.open(str(path), "w") as file:
         stream = file.add_stream(PHONE[scene.codec], Fraction(rate).limit_denominator(1001))
         stream.width, stream.height = size

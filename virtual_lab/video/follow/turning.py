@@ -85,7 +85,7 @@ def _turns(watched: Watched, used: NDArray[np.intp], focal: float) -> Array:
                 warp, flags = lens @ between @ np.linalg.inv(lens), cv2.WARP_INVERSE_MAP
                 view = cv2.warpPerspective(grey, warp, size, flags=flags | cv2.INTER_LINEAR)
                 drift = edges.drift(np.asarray(view, np.uint8), np.zeros(4))
-                if not drift.any():
+                if not drift.any():  # a further alignment would find the same
                     break
                 turns[k] = between @ _turn(drift, focal) @ turns[key]
         if edges is None or far:
