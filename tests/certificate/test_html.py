@@ -318,6 +318,10 @@ def test_the_budget_speaks_in_words_and_its_shares_add_up() -> None:
     body = table[: table.index("<tfoot>")]
     shares = [float(share) for share in re.findall(r"<td>([\d.]+)</td></tr>", body)]
     assert sum(shares) == pytest.approx(100, abs=0.05 * len(shares) + 0.01)
+    sources = re.findall(r'<th scope="row">(.*?)</th>', body)[:-1]  # the last row: all others
+    names = list(Certificate(certification=quick()).budget["source"])
+    assert [words(f"<p>{source}</p>") for source in sources] == names[: len(sources)]
+    assert len(sources) > 3
 
 
 def test_a_constant_of_an_unknown_rig_keeps_its_name() -> None:

@@ -162,8 +162,9 @@ def test_floor_if_no_plan_reaches_the_target():
     assert floor.planned_u == pytest.approx(floor.simulated_u, rel=0.05)
     (sentence,) = (line for line in plans.text.split(". ") if "floor is" in line)
     u = floor.simulated_u
-    assert f"floor is {u:.3g} mph ({0.44704 * u:.3g} m/s), with bat.balance 0." in sentence
-    assert sentence.count(",") == 3
+    size = f"{u:.3g} mph ({0.44704 * u:.3g} m/s)"
+    assert f"floor is {size}, with Balance point, readings 0." in sentence
+    assert sentence.count(";") == 2
 
 
 def test_picture_and_table(plans, tmp_path):

@@ -558,7 +558,7 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     small = rows[len(large) :]  # rows are sorted, largest first
     lines = [
         {
-            **_input(row.component, row.u),
+            **printed_source(row.component, row.u),
             "type": row.evaluation,
             "contribution": f"{metric.in_unit(row.contribution):.{places}f}",
             "share": f"{row.share_percent:.1f}",
@@ -579,8 +579,8 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     return lines
 
 
-def _input(name: str, u: float) -> dict[str, str]:
-    """Return the description of a constant, and its uncertainty in a suitable unit."""
+def printed_source(name: str, u: float) -> dict[str, str]:
+    """Return the words for a component of a budget, and its u [SI] in a suitable unit."""
     stage, _, rest = name.partition(".")
     number = re.search(r"_(\d+)$", name)
     if name in INPUTS:

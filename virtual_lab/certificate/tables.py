@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.filling import budget_lines
+from virtual_lab.certificate.printed import printed_source
 from virtual_lab.files.column_units import unit_of
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.measurement.certification import Certification
@@ -45,8 +46,12 @@ def budget_table(budget: Budget) -> pd.DataFrame:
     """Return the uncertainty budget as a table with values in SI units.
 
     It has one row per component, sorted by contribution, the largest first. The columns are the
-    fields of `BudgetLine`.
+    words of the certificate for the component, `source`, and the fields of `BudgetLine`.
     """
     import pandas as pd
 
-    return with_units(pd.DataFrame([asdict(line) for line in budget_lines(budget)]))
+    lines = [
+        {"source": printed_source(line.component, line.u)["words"], **asdict(line)}
+        for line in budget_lines(budget)
+    ]
+    return with_units(pd.DataFrame(lines))

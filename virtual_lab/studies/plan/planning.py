@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from virtual_lab.certificate.printed import printed_source
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -229,6 +230,9 @@ def _floor(search: Search) -> str:
     at, unit = search.lowest, search.printed.unit
     terms = search.laboratory.forecast.contributions(search.grid.at(at[1:]), at[0])
     largest = list(terms.items())[:TERMS]
-    texts = (f"{name} {search.printed.in_unit(value):.2g}" for name, value in largest)
+    texts = (
+        f"{printed_source(name, 0.0)['words']} {search.printed.in_unit(value):.2g}"
+        for name, value in largest
+    )
     floor = with_unit(search.row(at).simulated_u, unit, ".3g")
-    return f"No plan reaches the target: the floor is {floor}, with {', '.join(texts)}."
+    return f"No plan reaches the target: the floor is {floor}, with {'; '.join(texts)}."
