@@ -12,6 +12,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog import load_bat
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
+from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.compare import BatComparison, compare
 from virtual_lab.studies.bats.profile import GameConditions, profiles
@@ -92,10 +93,14 @@ def test_a_peak_lies_on_the_barrel() -> None:
     """A softball touches EA70 twice near 15 in, and its e_A is greater there than on the barrel."""
     struck = profiles("ea70", ball="softball-slowpitch")[0]
     rows = struck.table.set_index("impact_position_in")["collision_efficiency"]
-    assert rows.loc[14.5:].max() > rows.loc[:12].max()
+    scenes = Scenes.with_ball(
+        struck.ball, impact_position=np.array([15.0, 15.5, 16.0]) * INCH, relative_speed=60.0
+    )
+    handle = ModalModel.of(load_bat("ea70").spec.body, Free()).collide(scenes)
+    assert handle.collision_efficiency.max() > rows.max()
+    assert rows.index.max() == pytest.approx(12)
     top = struck.peaks["collision_efficiency"]
-    assert top.place < 12
-    assert top.value == pytest.approx(rows.loc[:12].max(), abs=1e-4)
+    assert top.value == pytest.approx(rows.max(), abs=1e-4)
 
 
 def test_differences_are_those_of_the_peaks(compared: BatComparison) -> None:

@@ -321,7 +321,7 @@ def game_bat_speed(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat speed at one or more positions [mph], in the shape of `z`.
 
     `z` are distances from the tip [in]. The bat is swung under standard game conditions. The speed
-    is interpolated from 0.5 to 16 in. A position outside this range gets the speed at the nearer
+    is interpolated from 0.5 to 12 in. A position outside this range gets the speed at the nearer
     end of the range. `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1. None
     means the law of constant energy. Raises `KeyError` for another exponent, and `InputError` for
     an unknown bat.

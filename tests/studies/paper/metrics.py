@@ -277,7 +277,7 @@ def efficiency_rise() -> float:
 
 
 def efficiency_excess() -> float:
-    """Return the largest difference e_A - e of the four bats, 0.5 to 16 in from the tip.
+    """Return the largest difference e_A - e of the four bats, 0.5 to 12 in from the tip.
 
     e_A is the collision efficiency and e the bat-ball restitution. The result is negative if e_A is
     less than e at all of these positions.

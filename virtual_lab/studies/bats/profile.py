@@ -45,7 +45,9 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 CONDITIONS = "standard-2003"
-BARREL_END = 12.0  # end of the barrel in the search for the peaks [in]
+# Impact positions of the curves, from the tip [in]. Beyond 12 in a heavy ball may touch the bat
+# twice, and e_A may then be larger than on the barrel.
+POSITIONS = np.arange(0.5, 12.1, 0.25)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +203,7 @@ def profiles(
     ball = game.ball_of(spec) if ball is None else ball
     struck = catalog.load("balls", ball, BallSpec).spec
     beam, model = beam_of(spec.body), free_model(spec.body)
-    z = np.arange(0.5, 16.1, 0.25) * INCH
+    z = POSITIONS * INCH
     recoil = np.asarray(recoil_factor_free(struck.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
     results = []
     for swing in swings:
@@ -270,13 +272,9 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
     batted-ball speed. `curves` is the result of `curves_of`. The keys of the result are
     ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` and ``batted_speed_mph``.
     A position is in inches from the tip. The peaks are the maxima of cubic splines through the
-    curves. Positions beyond 12 in are not searched: there a heavy ball may touch the bat twice, and
-    e_A may then be larger than on the barrel.
+    curves.
     """
-    barrel = curves["impact_position_in"] <= BARREL_END
-    return {
-        name: peak(curves["impact_position_in"][barrel], curves[name][barrel]) for name in PEAKS
-    }
+    return {name: peak(curves["impact_position_in"], curves[name]) for name in PEAKS}
 
 
 @lru_cache(maxsize=16)
