@@ -549,7 +549,11 @@ def test_campaign_commands_check_resume_and_summarize(
     rows = json.loads(capsys.readouterr().out)
     assert [row[COLUMN] for row in rows] == [0.05, 0.1]
     assert cli.main(["campaign", "summary", str(copy)], standalone_mode=False) == 0
-    assert COLUMN in capsys.readouterr().out
+    _, *blocks, _ = capsys.readouterr().out.split("\n\n")
+    assert blocks
+    for block in blocks:  # each states the changed value of a row
+        head = [line.split() for line in block.splitlines()[:-2]]
+        assert all(any(word in line for line in head) for word in COLUMN.split("."))
 
 
 HUGE = """

@@ -79,8 +79,22 @@ def test_a_wide_table_has_heads_of_several_lines_and_blocks() -> None:
         ]
     narrow = table_text([{"plan": "p" * 80, "number of hits per ball": 3}])
     assert len(narrow.splitlines()) == 2
+    assert not any(block.startswith("\n") for block in [first, *others])
     long = table_text([{"key": "profile", "value": "2.2991, " * 40}, {"key": "mass", "value": "1"}])
     lines = long.splitlines()
     assert max(map(len, lines)) <= 110
     assert [line[:7].strip() for line in lines] == ["key", "profile", "", "", "", "mass"]
     assert " ".join(long.split()).count("2.2991,") == 40
+
+
+def test_a_long_text_has_several_lines_before_the_table_has_blocks() -> None:
+    rows = [
+        {"plan": name, **{f"number of hits {n}": 1000 + n for n in range(8)}, "instruments": names}
+        for name, names in (("first", "ball-cannon, " * 4), ("second", "none"))
+    ]
+    text = table_text(rows)
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 110
+    assert "" not in lines
+    assert [line.split()[0] for line in lines if line[0] != " "] == ["plan", "first", "second"]
+    assert text.count("ball-cannon,") == 4

@@ -148,6 +148,7 @@ def test_more_hits_make_the_curve_steeper(found) -> None:
     assert width[1] < 0.75 * width[0]
     assert "at least one of three tests" in found.text
     assert "joint" in found.text
+    assert found.text.count("\nr161 ") == len(found)  # one line says all of a bat
     assert "conditional" in found.text
 
 

@@ -34,6 +34,7 @@ def test_plans_reach_the_target_for_the_fewest_minutes(plans):
     present, *rows = plans
     assert (present.plan, present.exchanged, present.reaches) == ("present", "none", "no")
     assert (present.hits, present.balls, present.wall_hits) == (6, 12, 4)
+    assert plans.text.count("\npresent ") == 1  # one line says all of a plan
     names = [str(number) for number in range(1, 11)]
     assert [row.plan for row in rows] == [*names, "single change"]
     assert all(row.reaches != "no" for row in rows)

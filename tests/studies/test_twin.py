@@ -387,6 +387,7 @@ def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
     assert result.document["smallest_tail"] == 1.0  # five readings, three days
     assert "The smallest that 3 days can show is 1.000." in result.text
     assert "beside 400 days of its twin" in result.text
+    assert result.text.count("\nmetric ") == 1  # one line says all of a quantity
     assert result.table["quantity"][0] == "metric"
     assert list(result.tables) == ["twin", "twin-readings"]
     result.plot(tmp_path / "twin.png")

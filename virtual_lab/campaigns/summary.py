@@ -17,8 +17,8 @@ from virtual_lab.units import Array
 
 SUMMARY_WORDS = """\
 Metric in SI, tests that are not INVALID. sd within: from day to day in a laboratory. bias: mean of
-measured minus true value, and its standard error. coverage: 95 % intervals with the true value, its
-confidence interval (Clopper-Pearson), and true values above and below the interval."""
+measured minus true value, and its standard error. coverage: 95 % intervals with the true value, and
+its confidence interval (Clopper-Pearson). CSV and JSON also have true values above and below."""
 READ = ["verdict", "flag_names", "value", "u", "low", "high", "true_value"]
 VERDICTS = ("PASS", "FAIL", "MEASURED", "INVALID")
 STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]
@@ -41,10 +41,11 @@ def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
     """
     keys = ["bat", "procedure", *changed, "tests", "missing"]
     return {
-        **{key: Column(key, form=".5g") for key in keys},
+        **{key: Column(key.replace(".", " "), form=".5g") for key in keys},
         "verdicts": Column("verdicts", form=_list_counts("verdict_")),
         "flags": Column("flags", form=_list_counts("flag_")),
-        **{key: Column(key.replace("_", " "), form=".5g") for key in STATISTICS},
+        "mean": Column("mean", form=".5g"),
+        **{key: Column(key.replace("_", " "), form=".3g") for key in STATISTICS[1:-2]},
     }
 
 

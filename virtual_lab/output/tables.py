@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 INLINE = "inline"
 WIDEST = 110  # largest width of a table [characters]
+NARROWEST = 20  # smallest width to which the widest column is narrowed [characters]
 
 
 class Column(NamedTuple):
@@ -110,9 +111,10 @@ def table_text(
 ) -> str:
     """Return rows as a text table with a header. The columns are as wide as their longest cell.
 
-    A table wider than `WIDEST` has heads of several lines. If it is still too wide, its columns are
-    printed in blocks beneath each other. Each block begins with the first columns that together
-    distinguish the rows, or with the first column if none do.
+    A table wider than `WIDEST` has heads of several lines, and cells of several lines in its widest
+    column. If it is still too wide, its columns are printed in blocks beneath each other. Each
+    block begins with the first columns that together distinguish the rows, or with the first column
+    if none do.
 
     Without rows the text is the word ``nothing``. The value None gives an empty cell. A column is
     left out if all its cells are empty.
@@ -146,17 +148,18 @@ def table_text(
     lines = len(texts[0]) - 1
     if _width(texts) > WIDEST:
         for cells in texts:
-            room = max(10, *map(len, cells[1:]))
+            room = max(8, *map(len, cells[1:]))
             cells[:1] = wrap(cells[0], room, break_long_words=False)
         tallest = max(map(len, texts))
         texts = [[""] * (tallest - len(cells)) + cells for cells in texts]
     labels = _labels(texts, lines)
     blocks = [texts[:1]]
     for cells in texts[1:]:
-        if len(blocks[-1]) > 1 and _width([*blocks[-1], cells]) > WIDEST:
+        wider = [*blocks[-1], cells]
+        if len(wider) > 2 and _width(wider) > WIDEST and _room(wider) < NARROWEST:
             blocks.append(labels[:])
         blocks[-1].append(cells)
-    return "\n\n".join(map(_block_text, blocks))
+    return "\n\n".join(_block_text(block).lstrip("\n") for block in blocks)
 
 
 def _labels(texts: list[list[str]], lines: int) -> list[list[str]]:
@@ -180,9 +183,15 @@ def _width(texts: Sequence[Sequence[str]]) -> int:
     return sum(max(map(len, cells)) + 2 for cells in texts) - 2
 
 
+def _room(texts: Sequence[Sequence[str]]) -> int:
+    """Return the width that the columns leave for the widest of them. The first is not narrowed."""
+    widest = max((max(map(len, cells)) for cells in texts[1:]), default=0)
+    return WIDEST - _width(texts) + widest
+
+
 def _block_text(texts: Sequence[Sequence[str]]) -> str:
     """Return columns beside each other. A cell too wide for the table has several lines."""
-    room = max(WIDEST - max(map(len, texts[0])) - 2, 20)
+    room = max(_room(texts), NARROWEST)
     others = [
         [wrap(cell, room) if len(cell) > room else [cell] for cell in cells] for cells in texts[1:]
     ]

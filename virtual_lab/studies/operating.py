@@ -74,8 +74,8 @@ class OperatingPoint:
     pass_probability_low: float = column("  at least", form=".1%")
     pass_probability_high: float = column("  at most", form=".1%")
     pass_probability_if_valid: float = column("PASS if valid", form=".1%")
-    pass_probability_if_valid_low: float = column("if valid, at least", form=".1%")
-    pass_probability_if_valid_high: float = column("if valid, at most", form=".1%")
+    pass_probability_if_valid_low: float
+    pass_probability_if_valid_high: float
 
 
 CHANCES = [each.name for each in fields(OperatingPoint) if each.name.startswith("pass_")]

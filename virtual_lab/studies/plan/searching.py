@@ -47,13 +47,13 @@ class PlanRow:
     minutes: float = column("minutes", form=".0f")
     price: float | None = column("price", form=".0f")  # of all tests and exchanged instruments
     currency: str = column("", form="")
-    planned_u: float = column("planned u", form=".3g")
+    planned_u: float  # predicted to first order
     simulated_u: float = column("simulated u", form=".3g")  # median over the tests
-    simulated_u_se: float = column("its error", form=".1g")  # standard error of the median
+    simulated_u_se: float  # standard error of the median
     reaches: Reaches = column("reaches the target", form="")
     compared: Compared = column("cost", form="")
-    tests: int = column("tests")
-    invalid: int = column("INVALID tests")
+    tests: int
+    invalid: int
     exchanged: str = column("exchanged", form="")
     unit: str  # unit of u
 

@@ -25,14 +25,12 @@ class TwinQuantity:
     value: float = column("value", "SI", ".5g")
     u: float = column("stated u", "SI", ".3g")
     error_sd: float = column("sd of the errors", "SI", ".3g")
-    error_sd_low: float = column(
-        "  at least", "SI", ".3g"
-    )  # 95 % interval of the standard deviation
+    error_sd_low: float = column("  at least", "SI", ".3g")  # 95 % interval of the sd
     error_sd_high: float = column("  at most", "SI", ".3g")
     u_ratio: float = column("u / sd", form=".3f")
     mean_z: float = column("mean error", "u", "+.3f")
     mean_z_se: float = column("  its standard error", "u", ".3f")
-    finding: str = column("stated u")
+    finding: str = column("u is")
 
     @classmethod
     def of(cls, quantity: str, value: float, u: float, errors: Array) -> TwinQuantity:
