@@ -14,7 +14,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.reading import Key
-from virtual_lab.catalog.specs import BallSpec, BatSpec
+from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec
 from virtual_lab.lab.fitting import (
     nominal_positions,
     require_ball,
@@ -214,7 +214,6 @@ def _balls_of(setup: TestSetup, seed: int, bench: Station, box: Slots) -> TrueBa
     return draw_balls(setup.ball.spec, setup.rules.spec.balls, draws, lot, store, box)
 
 
-@lru_cache(maxsize=32)
 def collision_of(
     bat: BatSpec, ball: BallSpec, rules: Procedure, model_name: str | None = None
 ) -> Ladder:
@@ -222,14 +221,28 @@ def collision_of(
 
     The model is used for all individual bats of this design in tests by the procedure `rules`. If
     `model_name` is None, the fastest model that is accurate enough is selected. The selection is
-    made when the result is first used, and an unknown name raises `InputError` only then. The same
-    arguments return the same object, so the selection is made once.
+    made when the result is first used, and an unknown name raises `InputError` only then. Setups
+    with the same nominal bat, ball, speed, pivot and positions get the same object, so the
+    selection is made once.
     """
     speed = rules.ball_speed + (rules.bat_speed or 0.0)
+    support = Pinned(bat.body.length - rules.pivot_from_knob)
+    return _ladder(bat.body, support, ball, speed, nominal_positions(rules, bat), model_name)
+
+
+@lru_cache(maxsize=64)
+def _ladder(
+    body: BatBody,
+    support: Pinned,
+    ball: BallSpec,
+    speed: float,
+    places: tuple[float, float],
+    model_name: str | None,
+) -> Ladder:
     return Ladder(
-        nominal=bat.body,
-        support=Pinned(bat.body.length - rules.pivot_from_knob),
-        probe=probing_scenes(ball, speed, nominal_positions(rules, bat)),
+        nominal=body,
+        support=support,
+        probe=probing_scenes(ball, speed, places),
         standard_uncertainty=EFFICIENCY_U,
         model_name=model_name,
     )
