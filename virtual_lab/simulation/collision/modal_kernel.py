@@ -41,8 +41,8 @@ Law = tuple[float, float, float, float]  # coefficient, 1 / scale of u, power, c
 # with other last bits.
 PLAIN: dict[str, Any] = {"error_model": "numpy", "forceinline": True, **INNER}
 FAST: dict[str, Any] = {"fastmath": {"reassoc", "contract", "nsz"}, **PLAIN}
-# The modes of a bat are in blocks of eight, (block, row, 8), so that each loop over a block is a
-# few vector instructions. The last block is filled with zeros. These are its rows.
+# The modes of a bat are in blocks, (block, row, BLOCK), so that each loop over a block is a few
+# vector instructions. The last block is filled with zeros. P to W2 are its rows.
 BLOCK, P, V, G, W2 = 32, 0, 1, 2, 3
 
 
