@@ -287,6 +287,7 @@ def _solve(
     reach = max(1.0, float(np.abs(model.dt).max()))
     steps = np.tile([0.1, 0.1, 0.1 / reach, 0.1 / reach], model.of[-1] + 1)
     steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6, 1e-2, 1e-2], steps])
+    steps = np.diag(steps)[free]
     for turn in range(FLIGHT_FIT.rounds):
         left = (model.xy - model.places(vector)) / model.place_u[:, None]
         off = np.hypot(*left.T)
@@ -294,7 +295,7 @@ def _solve(
         room = max(FAR_U * spread, FLIGHT_FIT.outlier_radii * model.radius)
         if model.sharp:  # the stated u of the positions is used
             room, spread = np.inf, 1.0
-        jacobian = model.jacobian(vector, steps)[..., free] / model.place_u[:, None, None]
+        jacobian = model.jacobian(vector, steps) / model.place_u[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         weighted = weighted / (alike * spread**2 + model.slow)[:, None, None]
         normal = np.einsum("rci,rcj->ij", weighted, jacobian)
@@ -303,11 +304,11 @@ def _solve(
         right += (before[free] - vector[free]) / u[free] ** 2
         if model.floor and turn:  # in the first round the flights do not meet yet
             slants = model.slants(vector)
-            change = (model.slants(vector + np.diag(steps)[free]) - slants).T / steps[free]
+            change = (model.slants(vector + steps) - slants).T / steps.sum(axis=1)
             normal += change.T @ change / FLIGHT_FIT.slant_u**2
             right -= change.T @ slants / FLIGHT_FIT.slant_u**2
         scale = np.sqrt(np.diagonal(normal)) + 1e-12
-        inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12)
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12, hermitian=True)
         inverse = inverse / np.outer(scale, scale)
         step = inverse @ right
         if u[k] and (leap := abs(step[free == k][0])) > 1:
@@ -417,9 +418,9 @@ class _FlightModel:
         return np.asarray(seen - parts["focal"][..., None, None] * self.lens)
 
     def jacobian(self, vector: Array, steps: Array) -> Array:
-        """Return the Jacobian of positions by steps of the parameters, (place, 2, parameter)."""
-        change = self.places(vector + np.diag(steps)) - self.places(vector)
-        return np.moveaxis(change, 0, -1) / steps
+        """Return the Jacobian of positions by steps (step, parameter), (place, 2, step)."""
+        change = self.places(vector + steps) - self.places(vector)
+        return np.asarray(np.moveaxis(change, 0, -1) / steps.sum(axis=1))
 
 
 def _meeting(before: Array, after: Array) -> Array:
@@ -443,15 +444,18 @@ def _alike(left: Array, of: Ints) -> float:
 
 def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
     """Return the states (…, position, 4) after times (position,), by one Runge-Kutta step."""
-    slowing, step = np.asarray(drag)[..., None, None], dt[..., None]
-    place, velocity = states[..., :2], states[..., 2:]
+    slowing = np.asarray(drag)[..., None]
+    # complex numbers, because arithmetic of pairs is slow
+    place, velocity = np.moveaxis(np.ascontiguousarray(states).view(complex), -1, 0)
+    fall = np.ascontiguousarray(pull).view(complex)[..., 0]
     rates: list[Array] = []
     for share in (0.0, 0.5, 0.5, 1.0):
-        now = velocity + share * step * (rates[-1] if rates else 0.0)
-        rates.append(pull - slowing * np.hypot(now[..., :1], now[..., 1:]) * now)
+        now = velocity + share * dt * (rates[-1] if rates else 0.0)
+        rates.append(fall - slowing * np.abs(now) * now)
     one, two, three, four = rates
-    later = place + step * (velocity + step / 6 * (one + two + three))
-    return np.concatenate([later, velocity + step / 6 * (one + 2 * (two + three) + four)], axis=-1)
+    later = place + dt * (velocity + dt / 6 * (one + two + three))
+    faster = velocity + dt / 6 * (one + 2 * (two + three) + four)
+    return np.stack([later, faster], axis=-1).view(float)
 
 
 def _project(places: Array, tilt: Array, centre: Array) -> Array:
@@ -459,4 +463,4 @@ def _project(places: Array, tilt: Array, centre: Array) -> Array:
     if not tilt.any():
         return places
     off = places - centre
-    return np.asarray(centre + off / (1 + (off * tilt[..., None, :]).sum(axis=-1, keepdims=True)))
+    return np.asarray(centre + off / (1 + off @ tilt[..., None]))
