@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.blobs import BLOB, Blobs
-from virtual_lab.video.follow.flights import fit_of_falls, flights_of
+from virtual_lab.video.follow.flights import falls_freely, flights_of
+from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
@@ -227,8 +228,8 @@ def test_a_path_that_does_not_show_a_fall_is_no_flight(
         exposure=0.5,
         fall=PULL / RADIUS,
     )
-    fit = fit_of_falls(scene, [Piece.of(blobs, np.arange(count), late)])
-    assert (fit is not None) == falls
+    flights = [Piece.of(blobs, np.arange(count), late)]
+    assert falls_freely(scene, flights, fit_flights(scene, flights)) == falls
 
 
 @pytest.mark.parametrize("fall", [None, 5 * PULL / RADIUS])
@@ -248,5 +249,5 @@ def test_a_ball_that_moves_on_beyond_its_path_must_fall(
     scene = FlightScene(
         blobs=blobs, time=late, stamped=late, size=(960, 540), exposure=0.5, fall=fall
     )
-    fit = fit_of_falls(scene, [Piece.of(blobs, np.arange(24), late[:24])])
-    assert (fit is not None) == falls
+    flights = [Piece.of(blobs, np.arange(24), late[:24])]
+    assert falls_freely(scene, flights, fit_flights(scene, flights)) == falls

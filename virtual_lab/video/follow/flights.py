@@ -58,33 +58,34 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
 
     A piece is a series of positions of one object on a smooth path. The flights are the pieces that
     fit one ball with the same acceleration by gravity. The result is ``([], None)`` if there are no
-    flights, or if their fit shows that the ball does not fall (`fit_of_falls`).
+    flights, or if their fit shows that the ball does not fall (`falls_freely`).
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     for _ in range(4):
         if not flights:
             return [], None
-        before, fit = _positions(flights), fit_flights(scene, flights)
+        before, fit = positions_of(flights), fit_flights(scene, flights)
         flights = _align(scene, flights, fit)
-        if _positions(flights) != before:
+        if positions_of(flights) != before:
             fit = fit_flights(scene, flights)
-        flights = without_contacts(scene, _refill(scene, flights, fit))
-        flights = [each for each in flights if len(each.t) >= GROWTH.least_places]
-        if _positions(flights) == before:
+        whole = _refill(scene, flights, fit)
+        if len(whole) == len(flights):
+            whole = without_contacts(scene, whole, fit)
+        flights = [each for each in whole if len(each.t) >= GROWTH.least_places]
+        if positions_of(flights) == before:
             break
-    falls = fit_of_falls(scene, flights) if flights else None
-    return (flights, falls) if falls else ([], None)
+    return (flights, fit) if flights and falls_freely(scene, flights, fit) else ([], None)
 
 
-def _positions(flights: Sequence[Piece]) -> list[list[Any]]:
-    """Return the blobs and times of each flight."""
-    return [[*each.blobs, *each.t] for each in flights]
+def positions_of(pieces: Sequence[Piece]) -> list[list[Any]]:
+    """Return the blobs and times of each piece."""
+    return [[*each.blobs, *each.t] for each in pieces]
 
 
-def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
-    """Return the joint fit of flights; None if it shows that the ball does not fall freely.
+def falls_freely(scene: FlightScene, flights: Sequence[Piece], fit: Fit) -> bool:
+    """Return whether the ball falls freely in `flights`, by their joint fit.
 
-    These are the cases:
+    The result is False in these cases:
 
     * The positions scatter too much.
     * The motion is that of a pendulum.
@@ -93,7 +94,6 @@ def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
     * The flights bend less than half as much as those of a falling ball, and are no parabolas
       within 1.5 % of the bend, or the ball also moves in many other frames.
     """
-    fit = fit_flights(scene, flights)
     right, down = fit.pull[0]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
     # The acceleration of a pendulum is to the side.
@@ -108,7 +108,7 @@ def fit_of_falls(scene: FlightScene, flights: Sequence[Piece]) -> Fit | None:
     held = aside if bent > FLIGHTS.shown_sag else vague
     if (vague or fit.spread > parabolic) and bend_of(flights, expected) > FLIGHTS.shown_sag:
         held |= fit.size * (1 + 2 * u) < expected / 2
-    return None if rough or held else fit
+    return not (rough or held)
 
 
 def bend_of(flights: Sequence[Piece], size: float) -> float:
@@ -442,20 +442,17 @@ def explained_share(scene: FlightScene, flights: Sequence[Piece]) -> float:
     return len(flown) / len(np.unique(np.concatenate(walked)))
 
 
-def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
+def without_contacts(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Remove the positions that a contact or another flight makes doubtful; return the flights.
 
     At a contact, the earlier flight keeps the positions with an exposure that ends before the
     contact. The later flight keeps the positions with an exposure that begins after it. An unknown
     exposure time is assumed to be a whole frame. If two flights overlap in time, the later flight
     loses its positions up to the end of the earlier one. All flights are returned, but a flight may
-    be empty.
+    be empty. `fit` is the joint fit of the flights.
     """
-    if len(flights) < 2:
-        return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2
     parts = list(flights)
-    fit = fit_flights(scene, flights)
     for k, t in meetings(flights, fit):
         times = [each.t + fit.readout * scene.late(each.blobs) for each in parts[k : k + 2]]
         parts[k] = parts[k].part(times[0] < t - half)

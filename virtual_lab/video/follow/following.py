@@ -28,7 +28,7 @@ from virtual_lab.video.follow.doubts import (
     of_positions,
     require_diameter,
 )
-from virtual_lab.video.follow.flights import REST, fit_of_falls
+from virtual_lab.video.follow.flights import REST, falls_freely
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
@@ -146,7 +146,8 @@ def follow_blobs(
             notes = [("NOT_SHARP", f"{why}; the positions are those without calibration")]
     if sharp is None:
         watched, result = register(clip, watched, result)
-        if result.ways and not fit_of_falls(result.scene, result.ways):
+        scene, ways = result.scene, result.ways
+        if ways and not falls_freely(scene, ways, fit_flights(scene, ways)):
             result = replace(result, ways=[])
     made = partial(measure, clip, watched, knowledge, sharp=sharp, earlier=notes)
     if knowledge.by_hand is None:

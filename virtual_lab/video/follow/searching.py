@@ -11,7 +11,7 @@ from virtual_lab.units import Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import frame_steps
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.flights import flights_of, positions_of
 from virtual_lab.video.follow.joint import Fit
 from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
@@ -104,18 +104,20 @@ def _read(
     watched: Watched, knowledge: ClipKnowledge, scene: FlightScene
 ) -> tuple[float, FlightsFound]:
     """Return the support for the flights with one interpretation of the times, and the flights."""
-    best, pull = (-1.0, FlightsFound(scene=scene)), None
+    best, pull, before = (-1.0, FlightsFound(scene=scene)), None, None
     for _ in range(2):  # with gravity known, the second round can bridge missing frames
         candidates = pieces(scene.blobs, scene.time, pull)
         if knowledge.ball_at:
             candidates = [p for p in candidates if _passes(watched, p, knowledge.ball_at)]
+        if positions_of(candidates) == before:
+            break
         ways, fit = flights_of(scene, candidates)
         support = _support(scene, ways, fit) if fit else 0.0
         if support > best[0]:
             best = support, FlightsFound(scene=scene, pieces=candidates, ways=ways)
         if fit is None:
             break
-        pull = fit.pull[0]
+        pull, before = fit.pull[0], positions_of(candidates)
     return best
 
 

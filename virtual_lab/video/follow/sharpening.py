@@ -219,7 +219,8 @@ def settle(
         readout=0.0,
     )
     agreed = [_reject_outliers(scene, way) for way in ways]
-    flown = [_reject_outliers(scene, way) for way in without_contacts(scene, agreed)]
+    apart = without_contacts(scene, agreed, fit_flights(scene, agreed))
+    flown = [_reject_outliers(scene, way) for way in apart]
     flags = located.flags.copy()
     left_out = ~np.isin(ball.frames, np.concatenate([way.frames for way in flown]))
     flags[good & left_out] |= np.uint16(PlaceFlag.OFF_WAY)
