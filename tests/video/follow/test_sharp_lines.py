@@ -50,7 +50,8 @@ def speed(places: Array, u: float, pattern_u: float = 0.0) -> Estimate:
     """Return the speed at the last position [pixels/frame]."""
     last = len(places) - 1
     return estimate_of(
-        lambda some: float(np.hypot(*some.at(0, last)[0, 2:])), fit(places, u, pattern_u)
+        lambda some: np.linalg.norm(some.at(0, last)[..., 0, 2:], axis=-1),
+        fit(places, u, pattern_u),
     )
 
 

@@ -109,7 +109,7 @@ def test_a_flight_with_more_scatter_has_a_larger_u() -> None:
         )
         flights = [Piece.of(blobs, whole, time[whole]) for whole in wholes]
         fit = fit_flights(scene, flights)
-        along = estimate_of(lambda some: float(some.states[2, 2]), fit)
+        along = estimate_of(lambda some: some.states[..., 2, 2], fit)
         off.append((along.value - 2.0) / along.u)
     assert 0.2 < np.std(off) < 1.5
 
@@ -132,7 +132,7 @@ def test_the_u_of_speed_covers_places_that_shift_slowly() -> None:
         level_u=1e-3,
     )
     model = FittedFlights.of(scene, [Piece.of(blobs, np.arange(40), time)])
-    speed = estimate_of(lambda fit: float(fit.states[0, 2]), model.fit, model.rest)
+    speed = estimate_of(lambda fit: fit.states[..., 0, 2], model.fit, model.rest)
     assert abs(speed.value - 6) < 2 * speed.u < 0.02
 
 

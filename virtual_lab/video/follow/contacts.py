@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -123,9 +124,9 @@ def contacts_of(
     return contacts, notes
 
 
-def _place(axis: int, first: int, t: float, fit: Fit) -> float:
+def _place(axis: int, first: int, t: float, fit: Fit) -> Array:
     """Return the coordinate, along an axis, of the nearest approach of two flights [pixels]."""
-    return float(fit.meeting(first, t)[axis])
+    return np.asarray(fit.meeting(first, t)[..., axis])
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
@@ -155,12 +156,14 @@ def _normal(model: FittedFlights, change: Array) -> tuple[Array | None, str]:
     return None, "other" if pull is None else "struck"
 
 
-def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, Array, Array]:
+def _closest(fit: Fit, first: int, t: float) -> tuple[Any, Array, Array]:
     """Return the time near `t` at which two flights are closest, and both velocities then."""
-    before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
-    apart, change = (after - before)[:2], (after - before)[2:]
-    late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -room, room))
-    return t + late, before[2:] + late * fit.pull[first], after[2:] + late * fit.pull[first + 1]
+    before, after = (fit.at(k, t)[..., 0, :] for k in (first, first + 1))
+    apart, change = np.split(after - before, 2, axis=-1)
+    late = -(apart * change).sum(axis=-1) / np.maximum((change**2).sum(axis=-1), 1e-12)
+    late = np.clip(late, -1.0, 1.0)  # [frames]
+    moved = late[..., None, None] * fit.pull[..., first : first + 2, :]
+    return t + late, before[..., 2:] + moved[..., 0, :], after[..., 2:] + moved[..., 1, :]
 
 
 def _restitution(
@@ -169,15 +172,13 @@ def _restitution(
     """Return the restitution, a flag and a reason; the last two are set if it is None."""
     fit = model.fit
 
-    def ratio_of(some: Fit) -> float:
-        _, before, after = _closest(some, first, t)
+    def ratio_of(some: Fit) -> Any:
+        before, after = (each @ [1, 1j] for each in _closest(some, first, t)[1:])
         if normal is None:
-            return float(np.hypot(*after) / np.hypot(*before))
-        across = complex(*normal)
-        if (some.pull != fit.pull).any():  # a hidden drift does not turn the normal
-            across *= some.down / fit.down
-        before, after = (each @ [across.real, across.imag] for each in (before, after))
-        return float(-after / before)
+            return np.abs(after) / np.abs(before)
+        turned = (some.pull != fit.pull).any(axis=(-2, -1))  # a hidden drift turns no normal
+        across = np.conj(complex(*normal) * np.where(turned, some.down / fit.down, 1.0))
+        return -(after * across).real / (before * across).real
 
     ratio = estimate_of(ratio_of, fit, model.rest)
     if normal is not None:  # a floor is level, and a wall upright, within `slant_u`

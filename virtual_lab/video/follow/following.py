@@ -306,7 +306,8 @@ def _falls(model: FittedFlights, scale: Ruler, step: float) -> tuple[Estimate, l
     alike = fit_flights(level, model.ways, shared=False)
     scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(lambda fit: fit.size, model.fit, (), **scaling)
-    pulls = [lambda fit, k=k: float(np.hypot(*fit.pull[k])) for k in range(len(model.ways))]
+    norm = partial(np.linalg.norm, axis=-1)
+    pulls = [lambda fit, k=k: norm(fit.pull[..., k, :]) for k in range(len(model.ways))]
     return shared, [estimate_of(each, alike, (), **scaling) for each in pulls]
 
 
@@ -326,9 +327,10 @@ def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Arr
     return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))
 
 
-def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> float:
+def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> Any:
     """Return the speed of a flight at the time `t` of the first row [m/frame].
 
     `late` is the share of the readout time at the row of the ball.
     """
-    return scale.unit(fit) * float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))
+    times = np.asarray(t + fit.readout * late)[..., None]
+    return scale.unit(fit) * np.linalg.norm(fit.at(flight, times)[..., 0, 2:], axis=-1)

@@ -75,22 +75,25 @@ class Fit:
     floor: Floor  # contacts with a common floor
 
     @property
-    def size(self) -> float:
+    def size(self) -> Any:
         """Size of the acceleration of the first flight [px/frame²]."""
-        return float(np.hypot(*self.pull[0]))
+        return np.linalg.norm(self.pull[..., 0, :], axis=-1)
 
     @property
-    def down(self) -> complex:
+    def down(self) -> Any:
         """Direction into the floor if contacts show it, otherwise of g; 0 if unknown."""
-        down = complex(*self.pull.mean(axis=0))
+        down = self.pull.mean(axis=-2) @ [1, 1j]
         if self.floor:
-            first, *_, last = (complex(*self.meeting(*each)) for each in self.floor)
+            first, *_, last = (self.meeting(*each) @ [1, 1j] for each in self.floor)
             across = 1j * (last - first)
-            down = across if (across / down).real > 0 else -across
-        return down / (abs(down) or 1.0)
+            down = np.where((across / down).real > 0, across, -across)[()]
+        return down / np.maximum(np.abs(down), 1e-12)
 
     def with_vector(self, vector: Array) -> Fit:
-        """Return the fit with other parameters."""
+        """Return the fit with other parameters.
+
+        If there are several vectors, (…, parameter), its values are arrays with this shape first.
+        """
         return replace(self, vector=vector, **_parts(vector, len(self.states)))
 
     def with_drift(self, velocity: Array) -> Fit:
@@ -101,14 +104,14 @@ class Fit:
         return self.with_vector(np.concatenate([self.vector[: -states.size], states.ravel()]))
 
     def at(self, flight: int, t: Array | float) -> Array:
-        """Return position and velocity of a flight in the plane, (time, 4) [pixels, frames]."""
+        """Return position and velocity of a flight in the plane, (…, time, 4) [pixels, frames]."""
         dt = np.atleast_1d(np.asarray(t, float)) - self.middles[flight]
-        states = np.broadcast_to(self.states[flight], (len(dt), 4))
-        return _fly(states, self.pull[flight], self.drag, dt)
+        states, pull = (each[..., flight, None, :] for each in (self.states, self.pull))
+        return _fly(states, pull, self.drag, dt)
 
     def meeting(self, flight: int, t: float) -> Array:
-        """Return the point (2,) where a flight and the next one meet, near a time [pixels]."""
-        return _meeting(self.at(flight, t)[0], self.at(flight + 1, t)[0])
+        """Return the point (…, 2) where a flight and the next one meet, near a time [pixels]."""
+        return _meeting(*(self.at(k, t)[..., 0, :] for k in (flight, flight + 1)))
 
     def in_picture(self, flight: int, t: Array | float) -> Array:
         """Return the positions of a flight in the picture, (time, 2) [pixels]."""
@@ -120,7 +123,7 @@ class Fit:
 
 
 def estimate_of(
-    quantity: Callable[[Fit], float],
+    quantity: Callable[[Fit], Any],
     fit: Fit,
     others: Sequence[Fit] = (),
     *,
@@ -140,7 +143,7 @@ def estimate_of(
     Parameters
     ----------
     quantity
-        Function of a fit that returns a number.
+        Function of a fit that returns a number; for a fit with several vectors, an array.
     unit
         Conversion factor of this number, for example to SI units.
     relative_u
@@ -150,11 +153,10 @@ def estimate_of(
     powers, axes = np.linalg.eigh(fit.covariance)
     significant = powers > 1e-15 * powers.max()
     moves = (axes[:, significant] * np.sqrt(powers[significant])).T
-    both = [[quantity(fit.with_vector(fit.vector + s * m)) for s in (1, -1)] for m in moves]
-    off = [float(np.abs(np.subtract(each, value)).max()) for each in both]
-    off += [value - quantity(other) for other in others]
+    both = quantity(fit.with_vector(fit.vector + np.stack([moves, -moves])))
+    off = [*np.abs(both - value).max(axis=0), *(value - quantity(other) for other in others)]
     u = float(np.linalg.norm([*off, value * relative_u]))
-    return Estimate(value=unit * value, u=unit * u)
+    return Estimate(value=float(unit * value), u=unit * u)
 
 
 def fit_flights(

@@ -27,6 +27,7 @@ is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class Ruler(PixelScale):
         values = {each.name: getattr(scale, each.name) for each in fields(PixelScale)}
         return cls(**values, rest_u=float(np.hypot(length_u, knowledge.rate_u)))
 
-    def unit(self, fit: Fit) -> float:
+    def unit(self, fit: Fit) -> Any:
         """Return the scale [m/pixel]. It depends on the fit only if gravity is the ruler."""
         if self.fall is None:
             return self.metres_per_pixel
