@@ -67,6 +67,7 @@ class Edges:
 
         It is the first start itself if no other drift fits better.
         """
+        grey = grey.astype(np.float32)  # not again for each deviation
         best, least = starts[0], self._cost(grey, starts[0])
         for k, start in enumerate(starts):
             leaps = np.hypot(*(start - best)[:2]) > FAR_OFF
@@ -93,7 +94,7 @@ class Edges:
         if not self.value.size:  # OpenCV fails without a pixel
             return self.value
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
-        real, (x, y) = grey.astype(np.float32), cv2.split(at)
+        real, (x, y) = grey.astype(np.float32, copy=False), cv2.split(at)
         view = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
         visible = view > 0
         light = upper_median(self.value[visible] / view[visible]) if visible.any() else 1.0

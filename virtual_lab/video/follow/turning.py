@@ -73,7 +73,7 @@ def _turns(watched: Watched, used: NDArray[np.intp], focal: float) -> Array:
         if not (far or k in used or edges is None):
             turns[k] = turns[k - 1]
             continue
-        grey = soft(np.asarray(cv2.imdecode(thumb, cv2.IMREAD_UNCHANGED), np.uint8))
+        grey = soft(np.asarray(cv2.imdecode(thumb, cv2.IMREAD_GRAYSCALE), np.uint8))
         size = grey.shape[1::-1]
         across, down = (np.array(size) - 1) / 2
         lens = np.array([[focal, 0, across], [0, focal, down], [0, 0, 1]])
