@@ -310,7 +310,7 @@ def test_an_unchanged_track_gives_the_same_result(
     assert moved["flags"] == [*document["flags"], "POSITIONS_OFF"]
     frame = rows.loc[moved_row, "frame"]
     (words,) = (each for each in moved["warnings"] if "off the fitted" in each)
-    assert words.startswith(f"the position of frame {frame} is 1.8 pix")
+    assert words.startswith(f"positions: frame {frame} is 1.8 pix")
     _, scale, relative_u = scale_of(document)
     assert scale_of(moved)[1] == pytest.approx(scale, rel=relative_u)
     first, late = document["flights"][0]["speed_out_m_per_s"], moved["flights"][0]

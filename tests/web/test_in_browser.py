@@ -294,8 +294,8 @@ def test_a_track_without_a_position_gets_its_first_one(
 def test_the_frames_of_a_warning_are_shown(page: Any, student: str, folder: Path) -> None:
     outcome = folder / "runs" / f"{int(student.rpartition('/')[2]):04}" / "outcome.json"
     warnings = [
-        "the positions of frames 3, 4 are up to 2 pixels off the fitted flights",
-        "the position of frame 7 is 2 pixels off the fitted flights",
+        "positions: frames 3, 4 are up to 2 pixels off the fitted flights",
+        "positions: frame 7 is 2 pixels off the fitted flights",
     ]
     outcome.write_text(json.dumps({**json.loads(outcome.read_text()), "warnings": warnings}))
     page.goto(student)

@@ -1,5 +1,6 @@
 """A fitted bat as a file: it has the measured values, and states what was not measured."""
 
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ from tests.pictures import lines_of
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.studies.bats.bat_templates import BatMeasurements
 from virtual_lab.studies.bats.fit_bat import FittedBat, _quantities, fit_bat, remark_on
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
@@ -26,6 +28,11 @@ inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
 FREQUENCIES = """
 bending_frequencies = { value = [164, 551], unit = "Hz", source = "tap", verified = true }
 """
+
+
+def test_the_help_names_every_key() -> None:
+    keys = {each.name.removesuffix("_u") for each in fields(BatMeasurements)}
+    assert [key for key in keys if f"``{key}``" not in (fit_bat.__doc__ or "")] == []
 
 
 @pytest.fixture(scope="module")

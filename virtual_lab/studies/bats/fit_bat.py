@@ -189,7 +189,12 @@ def fit_bat(
     Parameters
     ----------
     path
-        File of the measurements, .toml; the page "A bat of your own" explains its keys.
+        File of the measurements, .toml, with the keys ``name``, ``title``, ``template`` (wood or
+        hollow), ``length``, ``mass``, ``z_cm`` (balance point), ``inertia`` and ``inertia_axis``.
+        Positions are distances from the barrel tip. Optional keys: ``sport``,
+        ``bending_frequencies`` and ``barrel_nodes`` (of the first two modes), ``hoop_frequency``,
+        ``hoop_modal_mass``, and the u of a number, such as ``mass_u``. A number is a table, such as
+        mass = { value = 30, unit = "oz", source = "measured", verified = true }.
     members
         Number of fitted bats that show the spread. A bat is omitted if its fit fails.
     seed

@@ -14,7 +14,15 @@ from virtual_lab.units import DEGREE
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import EXPLAINED, beside, explained_share
 from virtual_lab.video.follow.joint import fit_flights
-from virtual_lab.video.follow.knowledge import BALL, FILE, GIVEN, GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.knowledge import (
+    BALL,
+    FILE,
+    GIVEN,
+    GRAVITY,
+    ClipKnowledge,
+    Note,
+    frames_are,
+)
 from virtual_lab.video.follow.models import STEEPEST, FittedFlights, positions_off
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
@@ -211,8 +219,8 @@ def of_positions(model: FittedFlights) -> list[Note]:
         return []
     frames = np.concatenate([way.frames for way in model.ways])[off]
     most = float(np.hypot(*np.concatenate(model.fit.residuals)[off].T).max())
-    s, are = ("", "is") if len(frames) == 1 else ("s", "are up to")
-    words = f"the position{s} of frame{s} {', '.join(map(str, frames))} {are} {most:.2g}"
+    up = "up to " * (len(frames) > 1)
+    words = f"positions: {frames_are(frames.tolist())} {up}{most:.2g}"
     why = f"pixels off the fitted flights, {most / model.fit.spread:.0f} times the scatter"
     advice = "speeds and restitution may be wrong; remove those that are not on the ball"
     return [("POSITIONS_OFF", f"{words} {why}; {advice}")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,6 +51,12 @@ class ClipKnowledge:
     by_hand: list[Blobs] | None = None
     # calibration of a camera with which the ball is located sharply; empty if there is none
     calibration: ClipCalibration = field(default_factory=ClipCalibration)
+
+
+def frames_are(frames: Sequence[int]) -> str:
+    """Return the start of a sentence, "frame 3 is" or "frames 3, 4 are"."""
+    numbers = ", ".join(map(str, frames))
+    return f"frame {numbers} is" if len(frames) == 1 else f"frames {numbers} are"
 
 
 def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:

@@ -17,7 +17,7 @@ from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.following import Flight, FollowedClip
-from virtual_lab.video.follow.knowledge import GRAVITY
+from virtual_lab.video.follow.knowledge import GRAVITY, frames_are
 from virtual_lab.video.follow.ruler import SAID, off_u
 from virtual_lab.video.show.course import course_of, course_table
 
@@ -223,13 +223,7 @@ def correction_text(before: FollowedClip, track: FollowedClip) -> str:
         "removed": old.index.difference(new.index),
         "added": new.index.difference(old.index),
     }
-    said = [
-        f"frame {frames[0]} is {how}"
-        if len(frames) == 1
-        else f"frames {', '.join(map(str, frames))} are {how}"
-        for how, frames in done.items()
-        if len(frames)
-    ]
+    said = [f"{frames_are(frames.tolist())} {how}" for how, frames in done.items() if len(frames)]
     answer = _fastest(before) if before.flights else "no flight"
     return f"positions by hand: {', '.join(said) or 'none changed'}; before, {answer}"
 
