@@ -42,6 +42,7 @@ def test_the_help_lists_every_command_under_its_purpose(run: Run) -> None:  # no
             "out/BAT-PROCEDURE, followed by -seed-SEED and -number-NUMBER if given;",
         ),
         ("daily", "out/daily, followed by -seed-SEED if given;"),
+        ("track", "CLIP-track beside the clip;"),
     ],
 )
 def test_the_help_states_the_default_folder(command: str, said: str, run: Run) -> None:  # noqa: F811

@@ -41,9 +41,10 @@ class Output:
     Parameters
     ----------
     folder
-        Name of the default folder in ``out/``, with parameters of the command in braces. Or a
-        function that returns the folder's path from the parameters. `out` overrides it. Without a
-        default folder, results are written only into `out`.
+        Name of the default folder in ``out/``, with parameters of the command in braces. `out`
+        overrides it. Without a default folder, results are written only into `out`.
+    beside
+        Name of a parameter, a path, beside which the default folder is, instead of in ``out/``.
     page
         File in the folder. If it is written, its path is printed at the end, instead of the path
         of the folder.
@@ -63,7 +64,8 @@ class Output:
         Function that converts the result to the `Answer` to print.
     """
 
-    folder: str | Callable[[Mapping[str, Any]], Path] = ""
+    folder: str = ""
+    beside: str = ""
     page: str = ""
     keeps: bool = False
     table: bool = False
@@ -82,11 +84,12 @@ class Output:
             fields = [("out", FILE, self.file)]
         elif self.folder or self.keeps or required:
             words = "New folder for all results."
-            if isinstance(self.folder, str) and self.folder:
+            if self.folder:
                 usual = re.sub(r"{(\w+)}", lambda key: key[1].upper(), self.folder)
                 added = " and ".join(f"-{each}-{each.upper()}" for each in NAMED if each in others)
                 usual += f", followed by {added} if given" if added else ""
-                words += f"  [default: out/{usual}; -2, -3, … if it exists]"
+                usual = f"{usual} beside the {self.beside}" if self.beside else f"out/{usual}"
+                words += f"  [default: {usual}; -2, -3, … if it exists]"
             fields = [("out", FOLDER, words)]
         if self.table:
             fields.append(("csv", FILE, "Write the table into a new .csv file."))
@@ -107,7 +110,7 @@ class Output:
         """
         target: Path | None = given.get("out")
         if target is None and self.folder:
-            target = first_free(_usual_folder(self.folder, {**defaults, **given}, given))
+            target = first_free(self._usual_folder({**defaults, **given}, given))
         if target is not None and self.file:
             check_new_file(target, (".toml",))
             check_new_file(target.with_suffix(".png"), PICTURES)
@@ -118,27 +121,24 @@ class Output:
                 check_new_file(given[key], endings)
         return target
 
+    def _usual_folder(self, values: Mapping[str, Any], given: Mapping[str, Any]) -> Path:
+        """Return the default folder. Its name has seed and number only if the user gave them."""
+        if self.beside:
+            path = Path(values[self.beside])
+            name = self.folder.format_map({self.beside: path.absolute().stem or self.beside})
+            return path.parent / name
+        parts = {key: _part(value) for key, value in values.items() if isinstance(value, str)}
+        name = self.folder.format_map(parts)
+        for key in NAMED:
+            if key in given:
+                name += f"-{key}-{given[key]}"
+        return Path(OUT) / name
+
 
 PRINTED = Output()
 TABLE = Output(table=True)
 STUDY = Output(keeps=True, table=True)
 DRAWN = Output(keeps=True, table=True, picture=True)
-
-
-def _usual_folder(
-    folder: str | Callable[[Mapping[str, Any]], Path],
-    values: Mapping[str, Any],
-    given: Mapping[str, Any],
-) -> Path:
-    """Return the default folder. Its name has seed and number only if the user gave them."""
-    if not isinstance(folder, str):
-        return folder(values)
-    parts = {key: _part(value) for key, value in values.items() if isinstance(value, str)}
-    name = folder.format_map(parts)
-    for key in NAMED:
-        if key in given:
-            name += f"-{key}-{given[key]}"
-    return Path(OUT) / name
 
 
 def _part(value: str) -> str:

@@ -19,11 +19,6 @@ CALIBRATION = "New calibration file, .toml. A picture of the residuals is beside
 CHARTED = Output(table=True, picture=True)
 
 
-def _beside_the_clip(values: Mapping[str, Any]) -> Path:
-    clip = Path(values["clip"])
-    return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
-
-
 def _require_clip(values: Mapping[str, Any]) -> None:
     """Raise `InputError` for a file that is not a clip, and then for a scale that is unknown."""
     from virtual_lab.video.clips.calibration_file import read_calibration
@@ -162,7 +157,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             "track",
             example="clip.mp4 --ball 73mm --phone --fps 240",
             question="How fast is the ball in my clip?",
-            output=Output(folder=_beside_the_clip, picture=True),
+            output=Output(folder="{clip}-track", beside="clip", picture=True),
             require=_require_clip,
         ),
         Command(
