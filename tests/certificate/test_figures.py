@@ -23,6 +23,7 @@ from virtual_lab.certificate.figures import (
 )
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.printed import printed_budget, printed_values
+from virtual_lab.measurement.procedure.judge import Judgement
 from virtual_lab.output.svg import Panel, description_of
 from virtual_lab.units import INCH, MPH
 
@@ -83,6 +84,16 @@ def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocum
     assert scan.metric.impact_position_in is not None
     read = np.interp(scan.metric.impact_position_in, along.read_in, along.read)
     assert read == pytest.approx(scan.metric.value, abs=2e-3)
+
+
+@pytest.mark.parametrize("number", [3, 4])
+def test_a_curve_along_the_barrel_needs_four_positions(number: int) -> None:
+    test = certified(procedure="ncaa-besr", seed=7).certification
+    place = test.readings.position
+    far = place > np.unique(place[test.judgement.valid])[number - 1]
+    reasons = np.where(far, "beyond", test.judgement.reasons).tolist()
+    along = certificate(replace(test, judgement=Judgement(reasons=tuple(reasons)))).along
+    assert (along is not None) == (number == 4)
 
 
 def test_batted_speed_along_the_barrel_is_that_at_the_speeds_of_the_rules(
