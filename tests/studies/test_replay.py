@@ -17,6 +17,8 @@ import virtual_lab as vl
 from virtual_lab import lab
 from virtual_lab import score as score_folder
 from virtual_lab.lab.recipe import Recipe
+from virtual_lab.measurement.camera import windows
+from virtual_lab.measurement.camera.windows import sight
 from virtual_lab.studies.replay import compared_replay
 
 
@@ -80,8 +82,13 @@ def test_every_choice_for_a_test_is_in_its_truth(
     assert all(name in scored.text for name in scored.sheets)
 
 
-def test_the_pictures_of_a_camera_are_played_again(tmp_path: Path) -> None:
-    """A short scan and few frames per shot keep it fast. A gray value more is found."""
+def test_the_pictures_of_a_camera_are_played_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A short scan and few frames per shot keep it fast. A gray value more is found.
+
+    The ball is located in the pictures of the records, not in those of the second play.
+    """
     scan = {"low": "6 in", "high": "8 in", "coarse_step": "1 in", "fine_step": "1 in"}
     changes = {f"scan.{key}": value for key, value in scan.items()}
     changes |= {"scan.coarse_hits": 1, "scan.final_hits": 2}
@@ -90,8 +97,10 @@ def test_the_pictures_of_a_camera_are_played_again(tmp_path: Path) -> None:
     words: dict[str, Any] = {"rig": "filmed-cannon", "seed": 3}
     test = vl.certify("r161", procedure=rules, instruments=[camera], progress=quiet, **words)
     folder = test.save(tmp_path / "out")
+    located = []
+    monkeypatch.setattr(windows, "sight", lambda *each: located.append(1) or sight(*each))
     scored = score_folder(folder, progress=quiet)
-    assert (scored.state, scored.different) == ("whole", ())
+    assert (scored.state, scored.different, len(located)) == ("whole", (), 1)
     assert test.sealed is not None
     again = lab.BatTest(certification=test.certification, sealed=test.sealed)
     pixels = folder / "records" / "impact" / "camera-pixels.npy"

@@ -44,10 +44,13 @@ class BlockTest:
     control: BatTest | None = None
     film: Callable[[Path], None] | None = None
 
-    def of(self, index: int) -> BatTest:
-        """Return the test of one laboratory, ready to print and seal."""
+    def of(self, index: int, *, camera: bool = True) -> BatTest:
+        """Return the test of one laboratory, ready to print and seal.
+
+        `camera` states whether camera and gates are compared, which takes long.
+        """
         return BatTest(
-            certification=self.certified.row(index, self._session_of),
+            certification=self.certified.row(index, self._session_of, camera=camera),
             sealed=self._seal_truth(index),
             control=self.control,
             film=self.film,

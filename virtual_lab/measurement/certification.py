@@ -189,10 +189,17 @@ class Certifications:
         """Return the reasons of the verdict of one laboratory, () for PASS."""
         return sentences_of(self.reason_table, self.verdicts[laboratory], laboratory)
 
-    def row(self, laboratory: int, session_of: Callable[[SessionBlock], Session]) -> Certification:
+    def row(
+        self,
+        laboratory: int,
+        session_of: Callable[[SessionBlock], Session],
+        *,
+        camera: bool = True,
+    ) -> Certification:
         """Return the certification of one laboratory, to be printed.
 
-        `session_of` returns the session of a block of one.
+        `session_of` returns the session of a block of one. `camera` states whether camera and gates
+        are compared.
         """
         block, reduced = self.block.row(laboratory), self.reduced.row(laboratory)
         session, procedure = session_of(block), self.procedure
@@ -238,7 +245,7 @@ class Certifications:
             width=width_of(procedure, reduced.position, reduced.valid, hits) if metric else None,
             swings=swing_range(reduced, readings) if metric else (),
             other_support=other_support(procedure, shots, bat, hit_weights) if metric else None,
-            camera=compare_camera(block, reduced, readings, hit_weights),
+            camera=compare_camera(block, reduced, readings, hit_weights) if camera else None,
             set_aside=set_aside(procedure, preparation.lot.select((0, 0))),
             findings=findings(procedure, bat),
             flags=(
