@@ -47,9 +47,10 @@ def plan_of(board: Board = BOARD, height: float = 0.0, **options: Any) -> Plan:
 def calibrated(
     monkeypatch: pytest.MonkeyPatch, views: list[BoardView], plan: Plan | None = None
 ) -> Calibrated:
-    """Return the calibration from these corners; no picture is searched."""
+    """Return the calibration from these corners; no picture is searched, and the blur is 0.7 px."""
     waiting: Iterator[BoardView] = iter(views)
     monkeypatch.setattr(calibrating, "find_board", lambda *_: next(waiting))
+    monkeypatch.setattr(calibrating, "lens_blur_of", lambda *_: 0.7)
     names = (f"{number}.png" for number in range(len(views)))
     blank = np.zeros(SIZE[::-1], np.uint8)
     return calibrate_camera(((name, blank) for name in names), plan or plan_of())

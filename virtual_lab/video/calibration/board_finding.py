@@ -69,10 +69,14 @@ def _charuco(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], 
 
     words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{board.dictionary}"))
     ids, places = np.empty(0, np.intp), np.empty((0, 2))
+    markers = marked = None  # the second pattern has the same markers
     for legacy in (False, True)[: 2 - board.rows % 2]:
         pattern = aruco.CharucoBoard((board.columns, board.rows), board.square, board.marker, words)
         pattern.setLegacyPattern(legacy)
-        corners, numbers, _, _ = aruco.CharucoDetector(pattern).detectBoard(plain)
+        detector = aruco.CharucoDetector(pattern)
+        corners, numbers, markers, marked = detector.detectBoard(
+            plain, markerCorners=markers, markerIds=marked
+        )
         if numbers is not None and len(numbers) > len(ids):
             ids = np.asarray(numbers, np.intp).ravel()
             places = np.asarray(corners, np.float64).reshape(-1, 2)
