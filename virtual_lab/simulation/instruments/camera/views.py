@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.relations.board import Board
-from virtual_lab.relations.pinhole import DOWN, distort, rotation
+from virtual_lab.relations.pinhole import DOWN, rotation, undistort
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.streams import Draws
@@ -150,7 +150,4 @@ def _rays(lens: TrueLens, shape: tuple[int, int]) -> Array:
     """Return the direction of each pixel in axes of the camera, (row, column, 3) with z = 1."""
     y, x = np.indices(shape, dtype=np.float64)
     bent = (np.stack([x, y], axis=-1) - lens.centre) / lens.focal
-    straight = bent.copy()
-    for _ in range(12):  # each step reduces the error about tenfold
-        straight += bent - distort(straight, lens.distortion)
-    return np.concatenate([straight, np.ones((*shape, 1))], axis=-1)
+    return np.concatenate([undistort(bent, lens.distortion), np.ones((*shape, 1))], axis=-1)
