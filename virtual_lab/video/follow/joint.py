@@ -344,9 +344,9 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
     noise = (solver * u**2) @ solver.T
     span, spare = float(np.ptp(t)), len(t) - 2
     apart = np.subtract.outer(t, t) / span
-    lags = np.geomspace(*FLIGHT_FIT.lags, 24)
-    slow = [solver @ np.exp(-0.5 * (apart / lag) ** 2) @ solver.T for lag in lags]
-    worst = max(slow, key=lambda each: float(each[1, 1]))
+    lags = np.geomspace(*FLIGHT_FIT.lags, 24)[:, None, None]
+    slow = solver @ np.exp(-0.5 * (apart / lags) ** 2) @ solver.T
+    worst = slow[slow[:, 1, 1].argmax()]
     excess = float(np.mean(residuals**2)) * len(t) / max(spare, 1) - float(np.mean(u**2))
     if spare < 1 or excess <= pattern_u**2:
         return np.asarray(pattern_u**2 * worst)
