@@ -68,7 +68,10 @@ def test_a_contact_may_be_hidden_for_a_part_of_long_flights() -> None:
 
 def test_time_and_frame_of_a_contact_are_corrected_for_the_readout() -> None:
     """The row of the floor is read 0.86 of a frame after the first one."""
-    result = contact(bounce(5.0, readout=1.0))
+    model = bounce(5.0, readout=1.0)
+    # read 0.44 frames before the contact, and 0.56 after it
+    assert [model.ways[0].frames[-1], model.ways[1].frames[0]] == [39, 40]
+    result = contact(model)
     read_at = MET - FLOOR / (SIZE[1] - 1)
     assert result.frame == pytest.approx(read_at, abs=0.05)
     assert result.time.value == pytest.approx(read_at, abs=0.05)

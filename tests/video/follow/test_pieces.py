@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.video.clips.timing import uneven, usual_step
 from virtual_lab.video.find.blobs import BLOB, Blobs
-from virtual_lab.video.follow.flights import falls_freely, flights_of
+from virtual_lab.video.follow.flights import explained_share, falls_freely, flights_of
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
@@ -91,6 +91,25 @@ def test_frames_lost_during_a_flight_are_counted(lost: int) -> None:
     y = 420 - 10 * late + PULL * late**2 / 2
     (flight,) = flights_in(blobs_of(np.stack([100 + 4 * late, y], axis=1)))
     np.testing.assert_array_equal(flight.t, late)
+
+
+def test_frames_lost_at_a_contact_are_counted() -> None:
+    """Five frames are lost while the ball bounces, so that no flight shows the gap itself."""
+    way, (_, second, _) = hops([11.0, 10.0, 9.0])
+    kept = np.delete(np.arange(len(way)), np.s_[second[0] - 3 : second[0] + 2])
+    flights = flights_in(blobs_of(way[kept], noise=0.05))
+    assert len(flights) == 3
+    for each in flights:
+        np.testing.assert_array_equal(each.t, kept[each.frames])
+
+
+def test_the_share_of_explained_frames_counts_every_frame_of_a_flight() -> None:
+    """The ball moves in 50 frames, of which a flight spans 24."""
+    late = np.arange(50.0)
+    blobs = blobs_of(np.stack([100 + 4 * late, np.full(50, 300.0)], axis=1))
+    scene = FlightScene(blobs=blobs, time=late, stamped=late, size=(960, 540), exposure=0.5)
+    flight = Piece.of(blobs, np.arange(10, 34), late[10:34])
+    assert explained_share(scene, [flight]) == 24 / 50
 
 
 def test_leaves_that_sail_down_slowly_are_not_the_falling_ball() -> None:

@@ -19,8 +19,8 @@ from virtual_lab.video.clips.calibration_file import (
 )
 from virtual_lab.video.clips.clip import open_clip
 from virtual_lab.video.follow.following import FollowedClip, follow
-from virtual_lab.video.follow.knowledge import knowledge_of
-from virtual_lab.video.follow.sharpening import SharpBall
+from virtual_lab.video.follow.knowledge import GRAVITY, knowledge_of
+from virtual_lab.video.follow.sharpening import SharpBall, wants_sharp
 from virtual_lab.video.show.track_text import track_document, track_text
 
 RATE = 5000.0
@@ -325,6 +325,14 @@ def test_a_ball_that_cannot_be_located_sharply_is_flagged(
         # file with scale and rate only, which is measured by hulls without a flag
         bare = replace(KNOWN, lens_blur_px=None, exposure_s=None)
         assert track_hit(tmp_path / "clip.npy", bare).flags == ()
+
+
+def test_gravity_as_ruler_and_positions_by_hand_need_no_outlines(flown: Flown) -> None:
+    result = flown(SCENES["light on dark"])[1].clip
+    by_hand = {"by_hand": np.array([])}
+    for stated, sharp in (({}, True), ({"ruler": GRAVITY}, False), (by_hand, False)):
+        knowledge = replace(result.knowledge, **stated)
+        assert wants_sharp(knowledge, result.watched, result.ways) == sharp
 
 
 @pytest.mark.parametrize(("sense", "turn"), [(1.0, (0.0, 0.0, 0.0)), (-1.0, (np.pi, 0.0, 0.0))])
