@@ -24,6 +24,7 @@ from virtual_lab.records import (
     Record,
     RecordColumn,
     ShotLog,
+    TrackRecord,
     join,
 )
 
@@ -93,6 +94,12 @@ def test_a_record_survives_a_table_bit_for_bit(record: Record) -> None:
     assert len(table) == np.prod(list(sizes.values()))
     assert list(table.columns[: len(sizes)]) == list(sizes)
     assert bits(type(record).from_table(table, "x.csv")) == bits(record)
+
+
+def test_shots_of_a_camera_may_have_different_numbers_of_frames() -> None:
+    frames = np.array([[0.0, 1e-3], [0.0, nan]])
+    record = TrackRecord(times=frames, x=frames, y=frames, u=frames)
+    assert bits(TrackRecord.from_table(record.table(), "x.csv")) == bits(record)
 
 
 @given(record=ANY, data=st.data())
