@@ -127,6 +127,18 @@ def test_bounds_are_clopper_and_pearsons_of_95_percent(studied: Any) -> None:
     assert (row.coverage_low, row.coverage_high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
 
 
+def test_the_title_answers_whether_the_intervals_hold(studied: Any) -> None:
+    """Clopper-Pearson: 9 of 10 says nothing, 950 of 1000 agrees with 95 %, 930 and 970 do not."""
+    for missed, of, answer in (
+        (1, 10, "of 10 laboratories, too few laboratories to tell"),
+        (50, 1000, "contain the true value in 93.5 to 96.3 % of 1000 laboratories, as stated"),
+        (70, 1000, "laboratories, less often than stated"),
+        (30, 1000, "laboratories, more often than stated"),
+    ):
+        tests = [*[laboratory(0.1)] * missed, *[laboratory(0.0)] * (of - missed)]
+        assert studied(tests).title.endswith(answer)
+
+
 def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
     """Twenty laboratories with u .01 to .20: odd ones miss up to u .10, all miss beyond.
 
@@ -162,7 +174,7 @@ def test_the_bias_expected_of_a_parabola_is_half_its_bend_times_the_scatter(stud
     tests = [laboratory(0.0, stray=stray) for stray in (2e-3, 0.0, 2e-3, 0.0)]
     for row in studied(tests):
         assert row.expected_bias == pytest.approx(-4e-5, rel=1e-6)
-        assert row.expected_bias_se == 0
+        assert row.expected_bias_se is None
 
 
 def test_a_test_without_a_result_counts_apart_and_its_hits_count(studied: Any) -> None:

@@ -41,11 +41,12 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 WORDS = (
-    "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
-    "percentage (Clopper-Pearson). SI: unit of the quantity, 1 or m/s. Tenths of the\n"
-    "laboratories: those with the smallest u, or the fewest degrees of freedom, first."
+    "Error: measured minus true value. 95 % interval of the percentage: Clopper-Pearson. SI: unit\n"
+    "of the quantity, 1 or m/s. Tenths of the laboratories: those with the smallest u, or the\n"
+    "fewest degrees of freedom, first."
 )
 Taken = TypeVar("Taken")
+TELLING = 4.0  # width of the interval of a coverage below which it may confirm 95 % [%]
 TENTHS = 10
 TENTH_DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))  # line styles of a panel's lines
 
@@ -65,7 +66,7 @@ class Coverage:
     uncertainty is too small. Errors, u and bias are in `unit`, the SI unit of the quantity.
     `coverage_by_u` and `coverage_by_dof` are the coverage of each tenth of the laboratories, None
     for a tenth without laboratories; they are ten columns each, from ``coverage_by_u_1`` on.
-    `expected_bias_se` is above 0 if the expected bias was computed by simulation.
+    `expected_bias_se` is None unless the expected bias was computed by simulation.
     """
 
     bat: str
@@ -76,8 +77,8 @@ class Coverage:
     invalid: int = column("laboratories with an INVALID test")
     rejected: float = column("hits rejected by the procedure", form=".1%")
     coverage: float = column("intervals with the true value", form=".1%")
-    coverage_low: float = column("  at least", form=".1%")
-    coverage_high: float = column("  at most", form=".1%")
+    coverage_low: float = column("  its 95 % interval, from", form=".1%")
+    coverage_high: float = column("  to", form=".1%")
     above: float = column("true value above the interval", form=".1%")
     below: float = column("true value below the interval", form=".1%")
     coverage_by_u: Mapping[int, float | None] = column(
@@ -94,7 +95,7 @@ class Coverage:
     bias: float = column("bias (mean error)", "SI", "+.2e")
     bias_se: float = column("  its standard error", "SI", ".1e")
     expected_bias: float = column("expected bias", "SI", "+.2e")
-    expected_bias_se: float = column("  its standard error", "SI", ".1e")
+    expected_bias_se: float | None = column("  its standard error", "SI", ".1e")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -115,7 +116,7 @@ class CoverageTable(Rows[Coverage]):
             spread = (share - low, high - share)
             quantities.errorbar(share, names, xerr=spread, capsize=3, fmt="ok", markersize=3)
             quantities.axvline(95, color="0.5", linewidth=0.6)
-            figure.suptitle(as_drawn(self.title), fontsize=8)
+            figure.suptitle(as_drawn(self.title.replace(": ", "\n", 1)), fontsize=8)
             quantities.set(xlabel="intervals with the true value, %", ymargin=0.1)
             quantities.invert_yaxis()
             metric = self.rows[0]
@@ -220,7 +221,8 @@ def coverage(
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
     round_robin = replace(round_robin, history=earlier_tests)
     samples = each_laboratory(round_robin, sample, laboratories, seed, workers, progress)
-    return coverage_table(samples, bat, procedure, seed)
+    where = f" in the laboratory {laboratory}" if laboratory else ""
+    return coverage_table(samples, bat, procedure, seed, where)
 
 
 def each_laboratory(
@@ -267,10 +269,13 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
     return tested.certified.invalid.size, take(tested)
 
 
-def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> CoverageTable:
+def coverage_table(
+    samples: Iterable[Sample], bat: str, procedure: str, seed: int, where: str = ""
+) -> CoverageTable:
     """Return the table of a coverage study from the samples of all its blocks of laboratories.
 
-    The table has one row per quantity, the metric first. `seed` is the seed of the study.
+    The table has one row per quantity, the metric first. `seed` is the seed of the study. `where`
+    names its laboratory in the title.
     Laboratories with an INVALID test are only counted. Raises `ValueError` if no laboratory has a
     result.
     """
@@ -322,7 +327,7 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
         )
     return CoverageTable(
         name="coverage",
-        title=f"{bat} by {procedure}: coverage of the 95 % intervals",
+        title=f"{bat} by {procedure}{where}: {_answer(metric)}",
         across="quantity",
         words=WORDS,
         rows=[metric, *rows],
@@ -443,7 +448,19 @@ def _row(results: Array, **about: Any) -> Coverage:
         bias=float(error.mean()),
         bias_se=float(error.std(ddof=1)) / sqrt(error.size),
         expected_bias=float(expected.mean()),
-        expected_bias_se=0.0,
+        expected_bias_se=None,
+    )
+
+
+def _answer(metric: Coverage) -> str:
+    """Return whether the intervals of the metric hold, as far as the study shows."""
+    low, high = 100 * metric.coverage_low, 100 * metric.coverage_high
+    answer = "as stated" if high - low < TELLING else "too few laboratories to tell"
+    if not low <= 95 <= high:
+        answer = f"{'less' if high < 95 else 'more'} often than stated"
+    return (
+        f"the 95 % intervals of the metric contain the true value in {low:.1f} to {high:.1f} % of "
+        f"{metric.laboratories} laboratories, {answer}"
     )
 
 
