@@ -370,18 +370,34 @@ def replacement(sheet: Sheet, path: Path) -> Sheet:
 def sheets_in(folder: Path) -> tuple[Sheet, ...]:
     """Return the sheets in the folder of a laboratory, under the names of their files.
 
-    Raises `InputError` if the folder has none.
+    Raises `InputError` if the folder has none, or a sheet that no test would use. A laboratory has
+    no bats and no procedures. A ball has the name of a ball of the catalog, a rig that of an
+    installed rig, and an instrument that of the catalog or that in a rig's sheet of the folder.
     """
-    paths = [path for kind in OF_LABORATORY for path in sorted((folder / kind).glob("*.toml"))]
-    sheets = tuple(
-        replace(Sheet.of(path.parent.name, path), name=path.stem, origin=str(path))
-        for path in paths
-    )
+    from virtual_lab import catalog
+
+    paths = [path for kind in catalog.KINDS for path in sorted((folder / kind).glob("*.toml"))]
+    sheets = [Sheet.of(path.parent.name, path) for path in paths]
     if not sheets:
         missing = "" if folder.exists() else "no such file; "
         allowed = f"{missing}allowed: a folder with sheets in {', '.join(OF_LABORATORY)}"
         raise InputError("", "laboratory", str(folder), allowed)
-    return sheets
+    parts = [part for each in sheets if each.kind == "rigs" for part in each.document.values()]
+    installed = [each.name for each in entry_points(group="virtual_lab.rigs")]
+    more = {"instruments": parts, "rigs": installed, "balls": []}
+    for path, sheet in zip(paths, sheets, strict=True):
+        allowed = ", ".join(names := catalog.names(sheet.kind))
+        if sheet.kind not in more:
+            allowed = f"a laboratory has none; allowed: {', '.join(OF_LABORATORY)}"
+            raise InputError(str(path), "folder", sheet.kind, allowed)
+        # a procedure may name the file of its ball, so `laboratory` may write ball.toml.toml
+        if not path.stem.endswith(".toml") and path.stem not in (*names, *more[sheet.kind]):
+            allowed = f"replaces no sheet; {nearest(path.stem, names)}allowed: {allowed}"
+            raise InputError(str(path), "name of the file", path.stem, allowed)
+        name = path.name.partition(".toml")[0]
+        if (stated := sheet.document.get("name", name)) != name:
+            raise InputError(str(path), "name", stated, f"allowed: {name}, the name of the file")
+    return tuple(replace(each, name=Path(each.name).stem, origin=each.name) for each in sheets)
 
 
 def _study(value: Any) -> Path | dict[str, Any]:
