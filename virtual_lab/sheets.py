@@ -412,7 +412,8 @@ BATS, PROCEDURES = several(BAT), several(PROCEDURE)
 INSTRUMENT = ParameterRule(
     read=_instrument,
     parse=_instrument_in_file,
-    allowed="sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]",
+    allowed="sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]; a ball is "
+    "named in the procedure: .with_(ball='mine.toml')",
     complete=lambda: {f"{name}=": title for name, title in _titles("instruments", "rigs").items()},
     metavar="NAME=FILE",
     kind="name",
@@ -608,7 +609,8 @@ def _inline(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False)  # JSON and TOML write strings and bools alike
     except (TypeError, ValueError) as fault:  # ValueError: a number of thousands of digits
         allowed = (
-            "cannot be written in a sheet; allowed: strings, numbers, True, False, lists, tables"
+            "cannot be written in a sheet; allowed: strings (for a sheet the name of its file), "
+            "numbers, True, False, lists, tables"
         )
         raise InputError("", "value", value, allowed) from fault
 

@@ -133,6 +133,7 @@ def find(kind: str, name: str) -> Path:
     if name not in allowed_names:
         others = [other for other in KINDS if name in names(other)]
         hint = f"{name} is among the {others[0]}; " if others else nearest(name, allowed_names)
+        hint += "a procedure names its ball, or the file of one; " if others == ["balls"] else ""
         allowed = f"{hint}allowed: {', '.join(allowed_names)}, or a .toml file"
         raise InputError("", Path(kind).name.removesuffix("s"), name, allowed)
     return DATA / kind / f"{name}.toml"
