@@ -43,7 +43,6 @@ HALF_RANGE, POINTS = 3.0, 11
 # factors of the stiffness between which a variant is searched, and number of laboratories whose
 # mean is the true metric of a variant; the mean of 16 has a standard error of 0.00005 in e
 FACTORS, MEAN_OF = 2.0 ** (np.arange(-6, 9) / 4), 16
-RARE = 0.01  # largest share of INVALID tests that is not stated
 RISK = 0.05  # largest probability that a bat at the limit is accepted, for the acceptance limits
 
 WORDS = (
@@ -52,8 +51,9 @@ WORDS = (
     "Best of 3: at least one of three tests of one laboratory passes. At least, at most: 95 %\n"
     "confidence limits of the simulation (Clopper-Pearson). ±: half of that interval. < or >: no\n"
     "simulated test passes, or every one, and the number is the limit at most or at least.\n"
-    "Errors of: the simulated bat, a variant of the named one with the true metric. Without a\n"
-    "factor no variant has this metric, and the errors of the named bat are used."
+    "All procedures are tested in the same laboratories and share their luck; another seed gives\n"
+    "others. Errors of: the simulated bat, a variant of the named one with the true metric.\n"
+    "Without a factor no variant has this metric, and the errors of the named bat are used."
 )
 OVER = (1.0, 1.01, 1.02, 1.05)  # true metrics of the answers [limit]
 
@@ -98,7 +98,9 @@ class OperatingCurves(Rows[OperatingPoint]):
     def draw(self) -> PageFigure:
         """Draw the probability of PASS with its interval, one panel per procedure."""
         with page_figure(2.6 * len(self.limits)) as figure:
-            panels = figure.subplots(len(self.limits), 1, squeeze=False).ravel()
+            panels = figure.subplots(
+                len(self.limits), 1, squeeze=False, sharex=len({r.metric for r in self.rows}) == 1
+            ).ravel()
             for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
                 for best_of, line in zip(TESTS, ("-", "--"), strict=True):
                     points = [
@@ -230,12 +232,10 @@ def operating(
         one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
         answers.append(_answers(one, best, limits[rules.name], accepted))
         answers.extend(_decided_by_chance(rows[-2 * count :][:POINTS]))
-        if invalid > RARE:
-            answers.append(f"{100 * invalid:.0f} % of the tests of a bat at the limit are INVALID.")
         at_limit, *_, over_it = (_best_of(1, row) for row in one[: len(OVER)])
         titles.append(
-            f"A bat at the limit of {rules.name} passes one test with a probability of {at_limit}, "
-            f"{100 * (OVER[-1] - 1):.0f} % over it with {over_it}"
+            f"A bat at the limit of {rules.name} passes one test with a probability of {at_limit} "
+            f"({100 * invalid:.0f} % INVALID), {100 * (OVER[-1] - 1):.0f} % over it with {over_it}"
         )
         bat_spec = round_robin.setup.bat.spec
         if exempt := exemption(rules, bat_spec.construction or ""):
@@ -244,7 +244,7 @@ def operating(
     return OperatingCurves(
         name="operating",
         title="; ".join(titles),
-        rows=rows,
+        rows=[*dict.fromkeys(rows)],  # the curve and the answers have the limit
         words="\n\n".join((WORDS, *answers)),
         limits=limits,
         acceptance_limits=acceptance_limits,
