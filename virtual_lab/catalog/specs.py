@@ -287,6 +287,9 @@ class BatSpread(Spec):
     density_tilt: Spread  # tilt of the density between tip and knob
 
 
+NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)  # one bat alone
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedBat(Spec):
     """Published properties of the bat, for comparison with those computed from the body."""

@@ -1,16 +1,18 @@
 """A fitted bat as a file: it has the measured values, and states what was not measured."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from tests.pictures import lines_of
 from virtual_lab.catalog import load_bat
+from virtual_lab.catalog.specs import NO_SPREAD
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.studies.bats.bat_templates import BatMeasurements
+from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements
 from virtual_lab.studies.bats.fit_bat import FittedBat, _quantities, fit_bat, remark_on
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
@@ -19,6 +21,7 @@ name = "mine"
 title = "Mine \\"A\\""
 template = "wood"
 sport = "softball"
+construction = "one-piece wood"
 length = { value = 34, unit = "in", source = "rule", verified = true }
 mass = { value = 31, unit = "oz", source = "scale", verified = true }
 z_cm = { value = 11.3, unit = "in", source = "stand", verified = true }
@@ -53,10 +56,26 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
     found = (beam.length, beam.mass, beam.z_cm, beam.inertia(33 * INCH))
     assert found == pytest.approx((34 * INCH, 31 * OUNCE, 11.3 * INCH, 17137 * OZ_IN2), rel=1e-5)
     assert spec.title == 'Mine "A"'
-    assert spec.sport == "softball"
+    assert (spec.sport, spec.construction) == ("softball", "one-piece wood")
+    assert spec.spread == NO_SPREAD
     assert "peak e_A" in target.read_text()
     with pytest.raises(InputError, match="exists already"):
         fitted.write(target)
+
+
+def test_parameters_unlike_those_of_other_bats_are_named(weighed: tuple[Path, FittedBat]) -> None:
+    """Two typical spreads away is usual; the density, 650 ± 50 kg/m³, is beyond."""
+    template = TEMPLATES["wood"]
+    signs = np.where(template.usual == 650.0, -2.1, 1.9)
+    parameters = template.usual + signs * template.spread
+    _, fitted = weighed
+    odd = replace(fitted, fitted=replace(fitted.fitted, parameters=parameters))
+    assert odd.unusual.endswith("Deviations in typical spreads: density -2.1.")
+    assert odd.unusual in odd.text
+    assert f"# {odd.unusual}\n" in odd.toml
+    usual = replace(fitted, fitted=replace(fitted.fitted, parameters=template.usual))
+    assert usual.unusual == ""
+    assert "free bat, ball of the game conditions, 160 mph" in usual.text
 
 
 def test_the_picture_has_the_spread_in_percent(weighed: tuple[Path, FittedBat]) -> None:

@@ -22,6 +22,7 @@ from virtual_lab.catalog.specs import (
     LONGEST,
     SHORTEST,
     BatBody,
+    Construction,
     Dimension,
     HoopMode,
     Lump,
@@ -74,6 +75,7 @@ class BatMeasurements(Spec):
     title: Title
     template: Literal["wood", "hollow"]
     sport: Sport | None = None
+    construction: Construction | None = None
     length: Annotated[float, Dimension("length", SHORTEST, LONGEST)]
     mass: Annotated[float, Dimension("mass", 0.1, 5)]
     z_cm: Annotated[float, Gt(0), Dimension("length", 0, LONGEST)]  # balance point
@@ -169,8 +171,6 @@ class Template:
 
     parameters: tuple[Parameter, ...]
     build: Callable[[Array, float], BatBody]  # function of the parameters and the length [m]
-    # relative scatter of density, modulus and density tilt between bats of one model
-    made_spread: tuple[float, float, float]
 
     @property
     def usual(self) -> Array:
@@ -252,7 +252,7 @@ def fit(
         if abs(value) > max(_tolerance(name), 3 * _u(name, measured))
     }
     if missed:
-        allowed = "no bat of this template fits the data; misfit of the best one: "
+        allowed = "no bat of this template fits the data; misfit of the best one (z from the tip): "
         raise InputError(
             measured.name, "template", measured.template, allowed + _misfit_words(missed)
         )
@@ -424,7 +424,6 @@ TEMPLATES: dict[str, Template] = {
             Parameter("Young's over shear modulus", 16.0, 2.0, 10.0, 25.0),
         ),
         build=_wood,
-        made_spread=(0.01, 0.03, 0.005),
     ),
     "hollow": Template(
         parameters=(
@@ -445,6 +444,5 @@ TEMPLATES: dict[str, Template] = {
             Parameter("hoop modal mass over that of the shell", 1.0, 0.1, 0.5, 2.0),
         ),
         build=_hollow,
-        made_spread=(0.003, 0.005, 0.001),
     ),
 }

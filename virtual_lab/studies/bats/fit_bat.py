@@ -7,7 +7,6 @@ differences between these bats show which quantities the measurements do not det
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BallSpec, BatBody
+from virtual_lab.catalog.specs import NO_SPREAD, BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files
 from virtual_lab.output.intervals import Interval, draw_intervals
@@ -24,6 +23,7 @@ from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import File, Seed, TwoOrMore
 from virtual_lab.relations.peaks import peak
+from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free
@@ -45,6 +45,11 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
+UNUSUAL = 2.0  # deviation of a parameter that is stated [typical spreads]; most bats have less
+WORDS = (
+    "e_A: free bat, ball of the game conditions, 160 mph. That of a certificate has the ball,\n"
+    "speed and axis of its procedure."
+)
 PEAK_PLACE = "position of peak e_A"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
 
@@ -106,7 +111,18 @@ class FittedBat(StudyResult):
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
         )
-        return f"{table_text(self.spread)}\n\nmisfits (relative): {worst}"
+        parts = (self.unusual, table_text(self.spread), f"misfits (relative): {worst}", WORDS)
+        return "\n\n".join(part for part in parts if part)
+
+    @property
+    def unusual(self) -> str:
+        """Sentence with the parameters unlike those of other bats, or "" if there are none."""
+        template = TEMPLATES[self.measured.template]
+        deviations = (self.fitted.parameters - template.usual) / template.spread
+        pairs = zip(template.parameters, deviations, strict=True)
+        far = "; ".join(f"{each.name} {x:+.1f}" for each, x in pairs if abs(x) > UNUSUAL)
+        words = "Unlike other bats; check the measurements. Deviations in typical spreads"
+        return f"{words}: {far}." if far else ""
 
     def draw(self) -> PageFigure:
         """Draw the spread of each quantity over the bats that fit, relative to this bat."""
@@ -127,11 +143,10 @@ class FittedBat(StudyResult):
     @property
     def toml(self) -> str:
         """Content of the bat file; every number has a source."""
-        source = self.source
-        template = TEMPLATES[self.measured.template]
-        body, name = self.fitted.body, self.measured.name
-        lines = [
-            f"# Fitted to measurements ({source}) with the {self.measured.template} template.",
+        body, measured, source = self.fitted.body, self.measured, self.source
+        comments = [
+            f"# Fitted to measurements ({source}) with the {measured.template} template.",
+            *([f"# {self.unusual}"] if self.unusual else []),
             "# Many other bats fit them as well. Quantities that were not measured are uncertain:",
             f"# quantity, this bat, lowest and highest of {self.members} bats that fit:",
             *(
@@ -140,39 +155,30 @@ class FittedBat(StudyResult):
                 f"{f' ({row.remark})' if row.remark else ''}"
                 for row in self.spread
             ),
-            f"name = {_text(name)}",
-            f"title = {_text(self.measured.title)}",
-            *([f"sport = {_text(self.measured.sport)}"] if self.measured.sport else []),
-            "",
-            "[body.profile]",
-            _line("z", body.profile.z, "m", source),
-            _line("outer_diameter", body.profile.outer_diameter, "m", source),
         ]
-        if body.profile.wall:
-            lines.append(_line("wall", body.profile.wall, "m", source))
-        lines += ["", "[body.material]"]
-        for key, unit in (
-            ("density", "kg/m^3"),
-            ("youngs_modulus", "Pa"),
-            ("shear_modulus", "Pa"),
-            ("shear_coefficient", "1"),
-        ):
-            lines.append(_line(key, getattr(body.material, key), unit, source))
-        for lump in body.lumps:
-            lines += ["", "[[body.lumps]]", f"name = {_text(lump.name)}"]
-            lines += [_line("z", lump.z, "m", source), _line("mass", lump.mass, "kg", source)]
+        labels = {key: getattr(measured, key) for key in ("name", "title", "sport", "construction")}
+        material = {"density": "kg/m^3", "youngs_modulus": "Pa", "shear_modulus": "Pa"}
+        parts = {
+            **_numbers(body, "assumed", damping_ratio="1"),
+            "profile": _numbers(body.profile, source, z="m", outer_diameter="m", wall="m"),
+            "material": _numbers(body.material, source, **material, shear_coefficient="1"),
+            "lumps": [
+                {"name": each.name, **_numbers(each, source, z="m", mass="kg")}
+                for each in body.lumps
+            ],
+        }
         if body.hoop:
-            lines += ["", "[body.hoop]"]
-            for key, unit in (("frequency", "Hz"), ("modal_mass", "kg")):
-                origin = "assumed" if getattr(self.measured, f"hoop_{key}") is None else source
-                lines.append(_line(key, getattr(body.hoop, key), unit, origin))
-        lines += ["", "[body]", _line("damping_ratio", body.damping_ratio, "1", "assumed")]
-        lines += ["", "[spread]"]
-        scatter = zip(
-            ("density", "youngs_modulus", "density_tilt"), template.made_spread, strict=True
+            frequency, mass = (
+                "assumed" if each is None else source
+                for each in (measured.hoop_frequency, measured.hoop_modal_mass)
+            )
+            parts["hoop"] = _numbers(body.hoop, frequency, frequency="Hz")
+            parts["hoop"] |= _numbers(body.hoop, mass, modal_mass="kg")
+        spread = _numbers(
+            NO_SPREAD, "this very bat", density="1", youngs_modulus="1", density_tilt="1"
         )
-        lines += [_line(key, value, "1", "assumed") for key, value in scatter]
-        return "\n".join(lines) + "\n"
+        stated = {key: words for key, words in labels.items() if words}
+        return "\n".join((*comments, toml_text({**stated, "body": parts, "spread": spread})))
 
 
 def fit_bat(
@@ -192,8 +198,9 @@ def fit_bat(
         File of the measurements, .toml, with the keys ``name``, ``title``, ``template`` (wood or
         hollow), ``length``, ``mass``, ``z_cm`` (balance point), ``inertia`` and ``inertia_axis``.
         Positions are distances from the barrel tip. Optional keys: ``sport``,
-        ``bending_frequencies`` and ``barrel_nodes`` (of the first two modes), ``hoop_frequency``,
-        ``hoop_modal_mass``, and the u of a number, such as ``mass_u``. A number is a table, such as
+        ``construction``, ``bending_frequencies`` and ``barrel_nodes`` (of the first two modes),
+        ``hoop_frequency``, ``hoop_modal_mass``, and the u of a number, such as ``mass_u``. A number
+        is a table, such as
         mass = { value = 30, unit = "oz", source = "measured", verified = true }.
     members
         Number of fitted bats that show the spread. A bat is omitted if its fit fails.
@@ -292,16 +299,16 @@ def remark_on(quantity: str, *values: float) -> str:
     return ""
 
 
-def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) -> str:
-    many = isinstance(value, tuple)
-    numbers = [f"{number:.7g}" for number in (value if isinstance(value, tuple) else (value,))]
-    text = f"[{', '.join(numbers)}]" if many else numbers[0]
-    return (
-        f"{key} = {{ value = {text}, unit = {_text(unit)}, source = {_text(source)}, "
-        "verified = false }"
-    )
+def _numbers(part: object, source: str, **units: str) -> Json:
+    """Return numbers of a part of a bat as its sheet states them, in SI units with 7 digits."""
+    return {
+        key: {"value": _rounded(value), "unit": unit, "source": source, "verified": False}
+        for key, unit in units.items()
+        if (value := getattr(part, key)) is not None
+    }
 
 
-def _text(words: str) -> str:
-    """Return a TOML string. JSON has the same escape sequences."""
-    return json.dumps(words, ensure_ascii=False)
+def _rounded(value: float | tuple[float, ...]) -> float | list[float]:
+    if isinstance(value, tuple):
+        return [float(f"{each:.7g}") for each in value]
+    return float(f"{value:.7g}")

@@ -13,11 +13,11 @@ from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.specs import (
+    NO_SPREAD,
     BallSpec,
     BatBody,
     BatSpec,
     BatSport,
-    BatSpread,
     Lump,
     Material,
     Profile,
@@ -47,7 +47,6 @@ SAME_PLACE = 1e-6  # resolution of an impact position [m]
 SOURCE = "stated in the records"
 # material of a cylinder that weighs next to nothing; its lump has the mass of the bat
 MATERIAL = Material(density=1e-3, youngs_modulus=1e10, shear_modulus=1e9, shear_coefficient=0.9)
-NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
