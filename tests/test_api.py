@@ -287,7 +287,9 @@ def test_a_sweep_states_why_a_bat_fails() -> None:
     row = vl.sweep(bat, procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
     weight, limit = row["reason"].split("; ")
     assert weight.startswith("length in inches minus weight in ounces 3.0")
-    assert weight.endswith("allowed up to 2.5 (one-piece wood bats are exempt)")
+    assert weight.endswith(
+        "allowed up to 2.5 (one-piece wood bats are exempt, if the construction is stated)"
+    )
     assert "above the limit 0.400" in limit
     failing = vl.certify(bat, procedure=rules, seed=0)
     assert failing.reasons[0].startswith("length in inches minus weight in ounces")

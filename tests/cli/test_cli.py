@@ -435,7 +435,7 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["certify", "nowhere.toml"], "no such file"),
         (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
         (["certify", "r161", "--rig", "ball-cannon"], "records no encoder, which astm-f1881 needs"),
-        (["reduce", "nowhere"], "holds no session.json and no laboratory.toml"),
+        (["reduce", "nowhere"], "and no laboratory.toml; template writes empty forms"),
         (["score", "nowhere"], "nowhere/certificate.json"),
         (["show", "r162"], "did you mean r161?"),
         (["profile", "r161", "--swing", "3"], "0 to 0.5"),

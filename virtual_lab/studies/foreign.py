@@ -69,7 +69,7 @@ def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) ->
             "", "records", str(folder), f"the records are in {inner[0]}; name this folder"
         )
     if not inner and not (folder / SESSION).exists():
-        allowed = f"holds no {SESSION} and no {FORM}; allowed: a folder of records"
+        allowed = f"holds no {SESSION} and no {FORM}; template writes empty forms of all records"
         raise InputError("", "records", str(folder), allowed)
     return certify_session(apply_options(load_session(folder)))
 

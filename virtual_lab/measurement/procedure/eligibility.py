@@ -59,7 +59,7 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
     rules = procedure.eligibility
     if rules is None:
         return
-    exempt = f" ({rules.exempt} are exempt)" if rules.exempt else ""
+    exempt = f" ({rules.exempt} are exempt, if the construction is stated)" if rules.exempt else ""
 
     def rule(met: Mask, sentence: Callable[[int], str]) -> BatRule:
         return BatRule(met, lambda i: sentence(i) if met[i] else sentence(i) + exempt)
