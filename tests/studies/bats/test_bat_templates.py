@@ -97,6 +97,22 @@ def hollow(**other: Any) -> BatMeasurements:
     return measured("hollow", **given | other)
 
 
+@pytest.mark.parametrize("seed", [2, 12])
+def test_a_bat_is_found_from_a_far_target(seed: int) -> None:
+    """Each of the two methods alone finds no bat from one of these targets."""
+    usual, spread = TEMPLATES["hollow"].usual, TEMPLATES["hollow"].spread
+    target = usual + 1.5 * spread * np.random.default_rng(seed).normal(size=usual.size)
+    fitted = fit(hollow(bending_frequencies=(219.0, 705.0)), target)
+    assert max(map(abs, fitted.misfits.values())) < 1e-3
+
+
+def test_a_bat_is_found_from_the_limits_of_the_template() -> None:
+    """The knob is at the end of the bat, and no step of the search puts it beyond."""
+    target = np.array([parameter.high for parameter in TEMPLATES["hollow"].parameters])
+    fitted = fit(hollow(), target)
+    assert max(map(abs, fitted.misfits.values())) < 1e-3
+
+
 def test_a_measured_hoop_mode_is_met() -> None:
     fitted = fit(hollow(hoop_frequency=2100.0, hoop_modal_mass=0.14))
     assert fitted.body.hoop is not None

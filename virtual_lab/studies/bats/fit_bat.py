@@ -233,7 +233,7 @@ def fit_bat(
         progress("bats that fit the data", number, members)
         target = template.usual + template.spread * draw
         try:
-            bodies.append(fit(measured.vary(error), target, best.parameters).body)
+            bodies.append(fit(measured.vary(error), target).body)
         except ValueError:  # the fit does not reach the data, or the data contradict themselves
             continue
     progress("collisions")
