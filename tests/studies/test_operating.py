@@ -10,6 +10,7 @@ from scipy import stats
 
 import virtual_lab as vl
 from virtual_lab.output.progress import quiet
+from virtual_lab.studies import operating
 from virtual_lab.studies.operating import POINTS, _acceptance
 
 LABORATORIES, FEW = 40, 3
@@ -28,7 +29,9 @@ def found() -> object:
 def wood() -> object:
     """Return the curves of an exempt bat, at few points: the search of a variant takes a second."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("virtual_lab.studies.operating.POINTS", FEW)
+        patch.setattr(operating, "POINTS", FEW)
+        patch.setattr(operating, "OVER", (1.0, 1.05))
+        patch.setattr(operating, "FACTORS", operating.FACTORS[::2])
         return vl.operating("r161", procedures="bbcor", laboratories=300, progress=quiet)
 
 

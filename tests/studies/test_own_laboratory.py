@@ -1,7 +1,8 @@
 """Data sheets of a laboratory from its records, against the sheets with which it was played."""
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import cache
 from itertools import count
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.own_laboratory import ball
 from virtual_lab.studies.own_laboratory.ball import sample_of_tests, with_scatter
+from virtual_lab.studies.own_laboratory.own_laboratory import OwnLaboratory
 from virtual_lab.studies.own_laboratory.scatter import without_outliers
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import INCH
@@ -28,10 +30,18 @@ FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 TESTS = ball.TESTS
 
 
-@pytest.fixture(autouse=True)
-def few_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, scope="module")
+def few_tests() -> Iterator[None]:
     """Let few simulated tests find the scatter of the hits, which most tests here do not need."""
-    monkeypatch.setattr(ball, "TESTS", 64)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ball, "TESTS", 64)
+        yield
+
+
+@cache
+def foreign(days: int = 1) -> OwnLaboratory:
+    """Return the laboratory whose records are in `FOREIGN`, of the same day several times."""
+    return vl.laboratory([FOREIGN] * days)
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
@@ -85,7 +95,7 @@ def test_sealed_truth_is_never_read(tmp_path: Path) -> None:
 
 def test_numbers_that_no_record_states_stay(tmp_path: Path) -> None:
     """The mean aim of one day's marks is no standing aim, so the catalog's aim across stays."""
-    ours = vl.laboratory(FOREIGN)
+    ours = foreign()
     keys = {f"{row.sheet}/{row.key}" for row in ours.rows}
     assert "instruments/slow-cannon/across_scatter" in keys
     for key in ("across", "across_u", "fastest", "slope_scatter"):
@@ -111,7 +121,7 @@ def test_rigs_in_foreign_words_mean_the_usual_rigs(tmp_path: Path) -> None:
     text = form.read_text("utf-8")
     text = text.replace('bench = "bench"\n', "")  # a stage without a rig
     form.write_text(text.replace('impact = "astm-pivot"', 'impact = "Pivot, hall 2"'), "utf-8")
-    described, plain = vl.laboratory(form.parent), vl.laboratory(FOREIGN)
+    described, plain = vl.laboratory(form.parent), foreign()
     assert described.rows == plain.rows
     words = (
         "The records describe the rig of the stage impact as 'Pivot, hall 2'; astm-pivot stands "
@@ -140,8 +150,7 @@ def test_scatters_of_several_days_are_pooled_as_variances() -> None:
     days = [StandardDeviation(1.0, 1), StandardDeviation(7.0, 1)]
     assert StandardDeviation.pool(days) == StandardDeviation(5.0, 2)
     assert StandardDeviation.pool(days, known=9.0).value == 4.0
-    first, second = (vl.laboratory(FOREIGN) for _ in range(2))
-    both = vl.laboratory([FOREIGN, FOREIGN])
+    first, second, both = foreign(), vl.laboratory(FOREIGN), foreign(2)
     assert first.rows == second.rows
     for one, pooled, _ in zip(first.rows, both.rows, count(), strict=False):
         assert one.ours == pytest.approx(pooled.ours)
@@ -155,7 +164,7 @@ def test_scatters_of_several_days_are_pooled_as_variances() -> None:
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the laboratory whose records are in `FOREIGN`."""
-    return vl.laboratory(FOREIGN).save(tmp_path_factory.mktemp("ours") / "ours")
+    return foreign().save(tmp_path_factory.mktemp("ours") / "ours")
 
 
 def test_a_study_takes_instruments_rigs_and_particulars_of_a_laboratory(ours: Path) -> None:
@@ -249,13 +258,13 @@ def test_settings_state_the_laboratory_and_can_be_read_back(
     ours: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(ours.parent)
-    words = ["bias", "--procedure", "astm-f1881", "--laboratory", "ours"]
+    words = ["slope", "r161", "ea70", "--laboratory", "ours"]
     cli.main([*words, "--out", "one"], standalone_mode=False)
     assert 'laboratory = "ours"' in Path("one/settings.toml").read_text("utf-8")
-    cli.main(["bias", "--config", "one/settings.toml", "--out", "two"], standalone_mode=False)
+    cli.main(["slope", "--config", "one/settings.toml", "--out", "two"], standalone_mode=False)
     cli.main([*words[:3], "--out", "usual"], standalone_mode=False)
     one, two, usual = (
-        Path(f"{name}/bias.csv").read_text("utf-8") for name in ("one", "two", "usual")
+        Path(f"{name}/slope.csv").read_text("utf-8") for name in ("one", "two", "usual")
     )
     assert one == two != usual
     capsys.readouterr()
@@ -381,7 +390,7 @@ def test_folders_with_other_constants_or_other_scatter_are_named(tmp_path: Path)
     form.write_text(text.replace("u = 0.00176", "u = 0.002"), "utf-8")
     words = "The folders state different constants of bench.scale; those of records are used."
     assert words in vl.laboratory([form.parent, FOREIGN]).remark.splitlines()
-    assert "different" not in vl.laboratory([FOREIGN, FOREIGN]).remark
+    assert "different" not in foreign(2).remark
 
 
 def test_fragments_before_the_ball_are_no_scatter_of_its_speed() -> None:

@@ -35,7 +35,8 @@ def test_price_of_plans(prices):
     assert price.tolist() == [[base + more for base in tests] for more in (0, 900, 5000, 5900)]
 
 
-def test_plans_by_price(prices):
+def test_plans_by_price(prices, monkeypatch):
+    monkeypatch.setattr("virtual_lab.studies.plan.laboratory.PILOT", 256)
     plans = vl.plan("asa", bat="softball-34", target_u=0.11, prices=prices, laboratories=200)
     present, *rows = plans
     assert present.currency == "EUR"

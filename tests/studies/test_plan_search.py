@@ -87,8 +87,9 @@ def test_equal_plans_are_less_than_five_minutes_apart(seed):
     assert best[0].bit_count() == fewest
 
 
-def test_shots_with_a_better_cannon_are_those_of_its_tests():
+def test_shots_with_a_better_cannon_are_those_of_its_tests(monkeypatch):
     """With half of the scatter fewer hits are invalid; a prediction without it was 60 % higher."""
+    monkeypatch.setattr("virtual_lab.studies.plan.laboratory.PILOT", 256)
     cannon = {"ball-cannon": better_instruments(["ball-cannon"])["ball-cannon"]}
     laboratory = PlannedLaboratory.of("r161", "bbcor", cannon, seed=1, workers=1)
     counts = Counts(hits=6, final_hits=12, balls=12, wall_hits=4)
