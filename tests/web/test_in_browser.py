@@ -65,15 +65,18 @@ def page(folder: Path) -> Iterator[Any]:
     assert complaints == []
 
 
-def look(page: Any, *paths: str) -> list[Any]:
-    """Return the findings of axe-core on pages, at two widths, light and dark."""
+def look(page: Any, *paths: str, shown: str = "main") -> list[Any]:
+    """Return the findings of axe-core on pages, at two widths, light and dark.
+
+    `shown` selects an element that the script of the page makes after it was loaded.
+    """
     found: list[Any] = []
     for width, theme in LOOKS:
         page.set_viewport_size({"width": width, "height": 900})
         page.emulate_media(color_scheme=theme, reduced_motion="reduce")
         for path in paths:
             page.goto(path)
-            page.wait_for_load_state("networkidle")
+            page.wait_for_selector(shown)
             page.eval_on_selector_all("details", "all => all.forEach(each => each.open = true)")
             found += [(path, width, theme, fault) for fault in faults_of(page)]
             frames = page.query_selector_all("iframe")
@@ -208,7 +211,7 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     table = folder / "a-track" / "track.csv"
     rows = pd.read_csv(table).assign(drift_x_px=5.0)  # as of a camera that moved before
     rows.to_csv(table, index=False)
-    assert look(page, student) == []
+    assert look(page, student, shown="img[alt='Frame 0 of the clip']") == []
     assert page.eval_on_selector(".scroll", "each => each.scrollWidth <= each.clientWidth")
     shows(page, 0)
     again = page.get_by_role("button", name="Run again")

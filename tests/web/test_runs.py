@@ -21,7 +21,7 @@ from tests.asking import Answer as Page
 from tests.web.visiting import Visitor, words_of
 from virtual_lab.cli import cli
 from virtual_lab.commands.output import Answer
-from virtual_lab.page import opening
+from virtual_lab.page import opening, runs
 from virtual_lab.page.runs import StartedRun
 from virtual_lab.page.working import answer_of
 
@@ -33,6 +33,24 @@ def wait(condition: Callable[[], Any], limit: float = 240.0) -> None:
     while not condition():
         assert time.monotonic() < end, "it takes too long"
         time.sleep(0.05)
+
+
+class SameProcess:
+    """A worker without a process of its own, which would take a second to start."""
+
+    def __init__(self, words: str) -> None:
+        self.words = words
+
+    def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
+
+    def end(self) -> None:
+        """Do nothing: the call has ended."""
+
+
+@pytest.fixture
+def same_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runs, "Worker", SameProcess)
 
 
 def finish(visitor: Visitor, name: str, fields: bytes) -> Page:
@@ -103,6 +121,7 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
     assert visitor.quits == [True]
 
 
+@pytest.mark.usefixtures("same_process")
 def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
     page = finish(visitor, "show", b"name=r162&toml=yes")
     assert "“r162” cannot be used: did you mean r161?" in words_of(page)
@@ -113,6 +132,7 @@ def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None
     assert "show r162, toml," in start  # a box that is ticked has its title
 
 
+@pytest.mark.usefixtures("same_process")
 def test_forms_that_were_filled_in_lead_to_their_certificate(visitor: Visitor) -> None:
     page = finish(visitor, "template", b"procedure=astm-f1881").text
     forms = visitor.page.folder / "template-astm-f1881"
@@ -122,13 +142,14 @@ def test_forms_that_were_filled_in_lead_to_their_certificate(visitor: Visitor) -
 
 
 def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opening, "IDLE", 0.5)
+    monkeypatch.setattr(opening, "IDLE", 0.1)
     said: list[str] = []
     page = opening.open_page(tmp_path / "lab", browser=False, progress=said.append)
     assert (page.text, said) == (str(tmp_path / "lab"), [""])
     assert list((tmp_path / "lab").iterdir()) == []
 
 
+@pytest.mark.usefixtures("same_process")
 def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
     """Once, with answer and settings; a damaged folder is left out, and the truth if not ticked."""
     made = vl.certify("ea70", procedure="bbcor", seed=1).save(visitor.page.folder / "made")
