@@ -7,6 +7,7 @@ import io
 import re
 import tokenize
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -34,13 +35,19 @@ NO_PARTICIPLES = """
 """
 
 
+@cache
+def documented(text: str) -> list[ast.FunctionDef | ast.ClassDef | ast.Module]:
+    """Return the parts of a module that may have a docstring."""
+    kinds = ast.FunctionDef | ast.ClassDef | ast.Module
+    return [node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds)]
+
+
 def clauses(text: str) -> Iterator[str]:
     """Yield the docstrings that open with a clause in place of a noun."""
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
-            doc = ast.get_docstring(node) or ""
-            if CLAUSE.match(doc):
-                yield doc.splitlines()[0]
+    for node in documented(text):
+        doc = ast.get_docstring(node) or ""
+        if CLAUSE.match(doc):
+            yield doc.splitlines()[0]
 
 
 def without_subject(text: str) -> Iterator[str]:
@@ -52,7 +59,7 @@ def without_subject(text: str) -> Iterator[str]:
 
 def participles(text: str) -> Iterator[str]:
     """Yield the functions that are named by a participle alone; a property may be."""
-    for node in ast.walk(ast.parse(text)):
+    for node in documented(text):
         if isinstance(node, ast.FunctionDef) and PARTICIPLE.fullmatch(node.name):
             is_property = any("property" in ast.dump(each) for each in node.decorator_list)
             if not is_property and node.name.strip("_") not in NO_PARTICIPLES.split():
