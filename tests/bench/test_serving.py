@@ -61,19 +61,23 @@ def test_the_page_is_served_under_each_name_of_this_computer(
     with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as free:
         free.bind((host, 0))
         port = free.getsockname()[1]
-    answers, said = [], []
+    answers = []
 
-    def look(_: object) -> None:
-        (address,) = re.findall(rf"open (http://{re.escape(name)}:{port}/\S+)", "\n".join(said))
-        connection = HTTPConnection(host, port, timeout=10)
-        with closing(connection):
-            connection.request("GET", address.partition(str(port))[2])
-            with connection.getresponse() as answer:
-                answers.append((answer.status, answer.headers["location"]))
+    def look(line: str) -> None:
+        for address in re.findall(rf"open (http://{re.escape(name)}:{port}/\S+)", line):
+            with closing(HTTPConnection(host, port, timeout=10)) as connection:
+                connection.request("GET", address.partition(str(port))[2])
+                with connection.getresponse() as answer:
+                    answers.append((answer.status, answer.headers["location"]))
+                connection.request("GET", "/", headers={"cookie": answer.headers["set-cookie"]})
+                with connection.getresponse() as answer:
+                    answers.append((answer.status, b"<h1>" in answer.read()))
+
+    def interrupt(_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(serve_module, "_warm", look)
+    monkeypatch.setattr(serve_module, "_warm", interrupt)
     usual = {"scenario": load_scenario("plain-day"), "seed": 3, "port": port, "browser": False}
     with pytest.raises(KeyboardInterrupt):
-        serve({"": tmp_path / "day"}, **usual, say=said.append, host=host)
-    assert answers == [(303, "/")]
+        serve({"": tmp_path / "day"}, **usual, say=look, host=host)
+    assert answers == [(303, "/"), (200, True)]
