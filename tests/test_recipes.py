@@ -363,7 +363,7 @@ chosen = {name: ESTIMATORS[name] for name in ("start", "edge fit")}
 scenes = {("plain ball", "flat background"): Case(phases=2, repeats=2)}
 chart = camera_chart(scenes=scenes, estimators=chosen)
 assert {row["estimator"] for row in chart.rows} == {"start", "edge fit"}
-chart.plot("chart.png")
+chart.plot()
 """
 
 
@@ -444,17 +444,17 @@ def a_factor(copy: Copy) -> None:
 A_FACTOR = r"""
 import tomllib
 from virtual_lab.studies.interlab.study import read_interlab, sheets_of
-text = STUDY.replace("gain.toml", "astm-f1881")
+text = STUDY.replace("gain.toml", "astm-f1881").replace("lot]", "calibration]")
 number = '{ value = 0.05, unit = "1", source = "assumed", verified = false }'
 Path("moon.toml").write_text(f"{text}[factors.moon]\npull = {number}\n")
 study = read_interlab(Path("moon.toml"))
-assert study.spec.named == ("lot", "moon") and "-moon" not in study.spec.varied
+assert study.spec.named == ("calibration", "moon") and "-moon" not in study.spec.varied
 (sheet,) = sheets_of(study, "astm-f1881", ["moon"]).values()
 assert tomllib.loads(sheet)["stiffness_spread"]["value"] == 0.05
 rows = {row.term: row.predicted for row in vl.interlab("moon.toml", predict=True)}
 assert abs(rows["moon"] - 0.005) < 1e-12
-Path("lot.toml").write_text(text)
-assert "-moon" in read_interlab(Path("lot.toml")).spec.varied
+Path("moonless.toml").write_text(text)
+assert "-moon" in read_interlab(Path("moonless.toml")).spec.varied
 """
 
 
