@@ -143,7 +143,10 @@ def test_a_tilted_floor_adds_to_the_u_of_an_oblique_bounce() -> None:
 
 
 def test_correlated_residuals_increase_the_u_of_a_speed() -> None:
-    """Autoregressive errors of 0.6 have a variance larger by (1 + .6)/(1 - .6) = 4."""
+    """Autoregressive errors of 0.6 have a variance larger by (1 + .6)/(1 - .6) = 4.
+
+    A position that is far off does not hide it.
+    """
     draw = np.random.default_rng(7)
     noise = np.zeros((2, 800))
     for k in range(1, 800):
@@ -151,7 +154,8 @@ def test_correlated_residuals_increase_the_u_of_a_speed() -> None:
     t = np.arange(800.0)
     places = np.stack([3.0 * t, 0.001 * t**2], axis=1)
     speeds_u = []
-    for errors in (draw.normal(0, 0.5, (2, 800)), noise):
+    far = noise + 50.0 * (t == 400)
+    for errors in (draw.normal(0, 0.5, (2, 800)), noise, far):
         blobs = blobs_of(places + errors.T, noise=0.0)
         scene = FlightScene(
             blobs=blobs,
@@ -165,3 +169,4 @@ def test_correlated_residuals_increase_the_u_of_a_speed() -> None:
         fit = fit_flights(scene, [Piece.of(blobs, np.arange(800), t)])
         speeds_u.append(float(np.sqrt(fit.covariance[-2, -2])))
     assert speeds_u[1] / speeds_u[0] == pytest.approx(2.0, rel=0.15)
+    assert speeds_u[2] / speeds_u[1] == pytest.approx(1.0, abs=0.02)

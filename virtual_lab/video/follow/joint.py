@@ -226,8 +226,9 @@ def fit_flights(
     for _ in range(1 if model.sharp else 2):
         vector, inverse, weighted, room = _solve(model, vector, before, u, k, alike)
         left = model.xy - model.places(vector)
-        alike = _alike(left, of)
-    off = np.hypot(*left.T) / model.place_u
+        off = np.hypot(*left.T) / model.place_u
+        # An outlier would hide the correlation of the others.
+        alike = _alike(np.where(off < room, left.T, 0.0).T, of)
     clipped = np.minimum(off, room) ** 2
     free = np.flatnonzero(u > 0)
     scatter = float(np.sqrt(clipped.sum() / max(1.0, 2 * len(off) - len(free))))
