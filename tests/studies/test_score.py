@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from virtual_lab.certificate.signing import digest_of_file as sha256
 from virtual_lab.certificate.signing import write_sums
 from virtual_lab.errors import InputError
 from virtual_lab.output.tables import table_text
-from virtual_lab.studies.score import QuantityScore
+from virtual_lab.studies.score import CertificateScore, QuantityScore
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
 FIELDS = {"seal", "state", "altered", "differs", "unchecked", "sealing"}
@@ -125,6 +126,11 @@ def test_a_quantity_is_printed_by_its_symbol(name: str, metric: str, label: str)
     )
     often = "and the true value is outside the 95 % interval, as in 5 % of all tests."
     assert row.words == f"{said}, {often}"
+    inside = replace(row, z=2.4, held=True)  # with few degrees of freedom
+    (axes,) = CertificateScore(broken=False, different=(), rows=(row, inside)).plot().axes
+    marks = [line for line in axes.lines if line.get_marker() == "o"][:2]
+    fills = {line.get_xdata()[0]: line.get_markerfacecolor() for line in marks}
+    assert fills == {-3.0: "white", 2.4: "black"}
 
 
 def test_litter_is_ignored_and_named(folder: Path) -> None:

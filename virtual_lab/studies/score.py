@@ -244,13 +244,16 @@ class CertificateScore(StudyResult):
         return {"whole": 0, "altered": 3, "not checked": 4}[self.state]
 
     def draw(self) -> PageFigure:
-        """Draw the errors in units of u, beside the limits of a 95 % interval."""
+        """Draw the errors in units of u, and mark true values outside their 95 % interval."""
         return draw_intervals(
-            [Interval(row.label, row.z, 0.0, row.z) for row in self.rows if row.z is not None],
+            [
+                Interval(row.label, row.z, 0.0, row.z, hollow=row.held is False)
+                for row in self.rows
+                if row.z is not None
+            ],
             self.title,
             "error (measured minus true value) divided by $u$",
-            references=(-1.96, 1.96),
-            words="limits of 95 % of the errors",
+            hollow="true value outside the 95 % interval",
         )
 
     @property
