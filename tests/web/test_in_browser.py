@@ -300,9 +300,12 @@ def test_the_frames_of_a_warning_are_shown(page: Any, student: str, folder: Path
         "positions: frames 3, 4 are up to 2 pixels off the fitted flights",
         "positions: frame 7 is 2 pixels off the fitted flights",
     ]
-    outcome.write_text(json.dumps({**json.loads(outcome.read_text()), "warnings": warnings}))
+    changed = {"warnings": warnings, "text": f"{'word ' * 60}\n\ntable  cell"}
+    outcome.write_text(json.dumps({**json.loads(outcome.read_text()), **changed}))
     page.goto(student)
     shows(page, 0)
+    # a long line is wrapped, also above a table
+    assert page.eval_on_selector(".scroll", "each => each.scrollWidth <= each.clientWidth")
     for frame in (4, 7):
         page.click(f"main > .soft button:text-is('{frame}')")
         shows(page, frame)

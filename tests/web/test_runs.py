@@ -76,7 +76,8 @@ def test_a_result_is_the_same_as_at_the_shell(
     monkeypatch.chdir(tmp_path)
     cli(["slope", "r161", "ea70", "--out", "shell"], standalone_mode=False)
     text = capsys.readouterr().out.rpartition("\n\n")[0]
-    assert re.search(r"<pre>(.*?)</pre>", page.text, re.DOTALL)[1].strip() == text.strip()
+    shown = re.search(r"<pre>(.*?)</pre>", page.text, re.DOTALL)[1]
+    assert re.sub("</?span>", "", shown).strip() == text.strip()  # a span is wrapped
     files = {path.name: path.read_bytes() for path in (tmp_path / "shell").iterdir()}
     for name, path in visitor.page.runs.get(1).files.items():
         assert path.read_bytes() == files[path.name], name
@@ -84,6 +85,11 @@ def test_a_result_is_the_same_as_at_the_shell(
     restarted = Visitor(visitor.page.folder)  # results survive a restart
     assert "slope" in words_of(restarted.ask("/"))
     assert restarted.ask("/run/1").text == page.text
+
+
+def test_a_result_without_a_text_is_answered_by_its_files(visitor: Visitor) -> None:
+    page = finish(visitor, "board", b"board=chessboard:9x6:40mm&views=3&seed=1")
+    assert f'class="answer">{visitor.page.folder / "board-seed-1" / "pictures"}<' in page.text
 
 
 def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None:

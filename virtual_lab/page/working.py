@@ -82,8 +82,9 @@ def carry_out_run(path: Path) -> None:
 
 
 def answer_of(result: Any) -> dict[str, Any]:
-    """Return the answer of a result, its first line, its flags, and its warnings."""
-    sentence = result.text.strip().partition("\n")[0] or "Done"
+    """Return the answer of a result, its first line or its files, its flags, and its warnings."""
+    files = ", ".join(map(str, getattr(result, "files", ())))
+    sentence = result.text.strip().partition("\n")[0] or files or "Done"
     document = result.document if isinstance(result.document, dict) else {}
     names = [each["name"] if isinstance(each, dict) else each for each in document.get("flags", [])]
     # a symbol such as e or v_f stays as it is
