@@ -16,7 +16,6 @@ from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from virtual_lab.catalog.specs import BatSpec
 from virtual_lab.errors import InputError
@@ -342,6 +341,8 @@ class _Variants:
         brackets = np.flatnonzero(difference[1:] * difference[:-1] < 0)
         factor = 1.0
         if brackets.size:
+            from scipy.optimize import brentq
+
             at = min(brackets, key=lambda each: abs(np.log(FACTORS[each : each + 2]).sum()))
             low, high = FACTORS[at : at + 2].tolist()
             factor = float(brentq(lambda f: self._metric(f) - metric, low, high, rtol=1e-3))
