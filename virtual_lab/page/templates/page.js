@@ -9,7 +9,7 @@ async function follow() {
   if (!state.live) return location.reload();
   if (state.line && one("#line").textContent !== state.line) one("#line").textContent = state.line;
   if (state.total) Object.assign(one("progress"), { max: state.total, value: state.done });
-  setTimeout(follow, 1000);
+  setTimeout(follow, 500);
 }
 if (running) setTimeout(follow, 500); else setInterval(() => fetch("/icon.svg", { cache: "reload" }).catch(() => 0), 60000);
 // a page in full height, and its print
