@@ -96,7 +96,7 @@ def test_a_signal_stops_the_program_at_any_stage(
     ("words", "stop", "after"),
     [
         ("certify r161 --out out", signal.SIGINT, 0.3),
-        ("coverage r161", signal.SIGTERM, 2.0),
+        ("coverage r161", signal.SIGTERM, 1.5),
     ],
 )
 def test_a_signal_stops_a_command(

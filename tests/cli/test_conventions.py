@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -85,7 +86,9 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
     assert out.splitlines()[-2:] == ["sub/peaks.csv", "peaks.svg"]
     assert (tmp_path / "sub" / "peaks.csv").read_text().startswith("bat,swing_exponent,")
     assert "<svg" in (tmp_path / "peaks.svg").read_text()[:400]
-    code, out, err = run("slope", "--csv", "slope.csv", "--plot", "slope.png", "--json")
+    code, out, err = run(
+        "slope", "r161", "ea70", "--csv", "slope.csv", "--plot", "slope.png", "--json"
+    )
     assert (code, err) == (0, "slope.csv\nslope.png\n")
     assert json.loads(out)[-1]["bat"] == "deviation"
 
@@ -113,6 +116,13 @@ def test_files_that_cannot_be_written_are_named(
     assert [path.name for path in tmp_path.iterdir()] == ["there.csv"]
 
 
+def wait(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end, "no such line of progress"
+        time.sleep(0.005)
+
+
 class Terminal(io.StringIO):
     encoding = "utf-8"
 
@@ -135,9 +145,9 @@ def test_progress_is_a_bar_with_the_time_left(
     with show_progress(output := stream()) as progress:
         for done in (0, 20, 70):
             progress("laboratories", done, 100)
-        time.sleep(0.3)
+        wait(lambda: "70 of 100, about 0 s left" in output.getvalue())
         progress("drawing")
-        time.sleep(0.15)
+        wait(lambda: "drawing, 00:00" in output.getvalue())
     *lines, blank, end = output.getvalue().split("\r")[1:]
     assert {len(line) for line in (*lines, blank)} == {119}
     assert (blank.strip(), end) == ("", "")
@@ -211,19 +221,20 @@ def test_the_time_left_is_that_of_the_present_task(
 def test_progress_in_a_pipe_is_a_line_every_ten_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     assert module.PIPE_STEP == 10.0
     monkeypatch.setattr(module, "PIPE_STEP", 0.05)
+    began = time.monotonic()
     with show_progress(output := io.StringIO()) as progress:
         for done in (0, 20, 50):
             progress("laboratories", done, 100)
             time.sleep(0.01)
-        time.sleep(0.3)
+        wait(lambda: output.getvalue().count("\n") >= 2)
     lines = output.getvalue().splitlines()
-    assert 2 <= len(lines) <= 6
+    assert len(lines) <= (time.monotonic() - began) / 0.05
     form = r"… laboratories: 50 of 100, about 0 s left"
     assert all(re.fullmatch(form, line) for line in lines)
     assert "\r" not in output.getvalue()
     with show_progress(silent := io.StringIO()) as progress:
         progress("")  # a page is served
-        time.sleep(0.2)
+        time.sleep(0.12)  # two steps
     assert silent.getvalue() == ""
 
 
@@ -232,7 +243,7 @@ def test_tqdm_is_loaded_only_where_progress_is_shown() -> None:
         import io, sys, time
         import virtual_lab as vl
         from virtual_lab.output import progress
-        vl.slope()
+        vl.slope(["r161", "ea70"])
         print("tqdm" in sys.modules)
         progress.PIPE_STEP = 0.0
         with progress.show_progress(stream := io.StringIO()):
