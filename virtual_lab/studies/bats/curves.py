@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from virtual_lab.output.page_figure import PageFigure
 
-SHOWN_IN = (1.0, 12.0)  # drawn range of impact positions [in]; the CSV has more
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 DASHES = ("-", "--", ":", "-.")
 PLACE = "impact position from the barrel tip $z$, in"
@@ -25,7 +24,7 @@ def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
 
     The upper panel shows the bat-ball restitution e, the recoil factor r, and the collision
     efficiency e_A. The lower panel shows e_A, the bat speed v_bat, and the batted-ball speed v_f.
-    The positions are 1 to 12 in from the tip, and the speeds are in mph.
+    The speeds are in mph.
 
     Parameters
     ----------
@@ -46,28 +45,26 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 
     e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, v_bat the bat
     speed, and v_f the batted-ball speed. `table` is the `BatProfile.table`. The speeds are in mph.
-    Only positions 1 to 12 in from the tip are plotted.
     """
-    rows = table[table["impact_position_in"].between(*SHOWN_IN)]
-    z = rows["impact_position_in"]
+    z = table["impact_position_in"]
     for column, label, dash in (
         ("restitution", "$e$", "-"),
         ("recoil_factor", "$r$", ":"),
         ("collision_efficiency", "$e_A$", "--"),
     ):
-        above.plot(z, rows[column], dash, color="black", label=label)
+        above.plot(z, table[column], dash, color="black", label=label)
     above.set_ylabel("$e$, $r$, $e_A$")
     for column, label, dash in (
         ("bat_speed_mph", "$v_{bat}$", ":"),
         ("batted_speed_mph", "$v_f$", "-"),
     ):
-        below.plot(z, rows[column], dash, color="black", label=label)
+        below.plot(z, table[column], dash, color="black", label=label)
     beside = below.twinx()
     beside.spines["right"].set_visible(True)
-    beside.plot(z, rows["collision_efficiency"], "--", color="black")
+    beside.plot(z, table["collision_efficiency"], "--", color="black")
     below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
     beside.set_ylabel("$e_A$")
-    below.set(xlabel=PLACE, ylabel=with_axis_unit("speed", "mph"), xlim=SHOWN_IN)
+    below.set(xlabel=PLACE, ylabel=with_axis_unit("speed", "mph"))
     for axes in (above, below):
         axes.grid(True, linewidth=0.3)
         axes.legend(loc="lower center", ncols=3)
@@ -76,10 +73,9 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 def draw_comparison(curves: pd.DataFrame) -> PageFigure:
     """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
-    BPF is the bat performance factor, e_A the collision efficiency, and v_f the batted-ball speed.
-    The positions are 1 to 12 in from the tip, and v_f is in mph. BPF and e_A are drawn for the
-    first swing exponent n only. With the standard ball they do not depend on n, because the
-    ball-wall restitution of this ball does not depend on speed.
+    BPF is the bat performance factor, e_A the collision efficiency, and v_f the batted-ball speed
+    in mph. BPF and e_A are drawn for the first swing exponent n only. With the standard ball they
+    do not depend on n, because the ball-wall restitution of this ball does not depend on speed.
 
     Parameters
     ----------
@@ -99,18 +95,17 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
 
     BPF is the bat performance factor, e_A the collision efficiency, and v_f the batted-ball speed.
     `curves` are the `BatComparison.curves`. BPF and e_A are plotted for the first swing exponent
-    only. Only positions 1 to 12 in from the tip are plotted.
+    only.
     """
     from pandas import isna
 
-    rows = curves[curves["impact_position_in"].between(*SHOWN_IN)]
-    bats, exponents = rows["bat"].unique(), rows["swing_exponent"].unique()
+    bats, exponents = curves["bat"].unique(), curves["swing_exponent"].unique()
     for i, bat in enumerate(bats):
         name = as_drawn(bat)
         for j, n in enumerate(exponents):
             # pandas stores None as NaN, which is unequal to itself
-            same = rows["swing_exponent"].isna() if isna(n) else rows["swing_exponent"] == n
-            curve = rows[(rows["bat"] == bat) & same]
+            same = curves["swing_exponent"].isna() if isna(n) else curves["swing_exponent"] == n
+            curve = curves[(curves["bat"] == bat) & same]
             swung = "constant energy" if isna(n) else f"$n={n:g}$"
             look: dict[str, Any] = {
                 "color": COLOURS[i % len(COLOURS)],
@@ -133,4 +128,4 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
     for axes, label in zip(panels, ("BPF", "$e_A$", with_axis_unit("$v_f$", "mph")), strict=True):
         axes.set_ylabel(label)
         axes.grid(True, linewidth=0.3)
-    panels[2].set(xlabel=PLACE, xlim=SHOWN_IN)
+    panels[2].set(xlabel=PLACE)
