@@ -294,6 +294,21 @@ def test_a_track_without_a_position_gets_its_first_one(
     assert first[WRITTEN].values.tolist() == [[0, 41, 61, 12.5, 1, 0, 0]]
 
 
+def test_a_frame_between_two_flights_has_a_reason(page: Any, student: str, folder: Path) -> None:
+    rows = pd.DataFrame(100.0, index=range(12), columns=WRITTEN).assign(frame=range(12))
+    rows = rows.assign(flight=1 + (rows["frame"] > 5)).query("frame not in (5, 8)")
+    rows.to_csv(folder / "a-track" / "track.csv", index=False)
+    page.goto(student)
+    shows(page, 0)
+    status, said = page.locator(".clip [role=status]"), []
+    for number in range(1, 9):
+        press(page, ".stage", "PageDown")
+        shows(page, number)
+        said += [status.inner_text()]
+    assert said[4].startswith("Frame 5: no position: between two flights the ball touches")
+    assert said[7] == "Frame 8: no position"
+
+
 def test_the_frames_of_a_warning_are_shown(page: Any, student: str, folder: Path) -> None:
     outcome = folder / "runs" / f"{int(student.rpartition('/')[2]):04}" / "outcome.json"
     warnings = [

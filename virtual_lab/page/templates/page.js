@@ -86,7 +86,9 @@ if (panel) {
     if (!track) return;
     [part("[data-remove]").disabled, part("button.main").disabled] = [!row, !past.length || !rows.length];
     if (row) [flight.value, radius.value] = [row.flight, row.radius_px];
-    words.textContent = `Frame ${slide.value}: ${row ? `the ball at ${spot(row).map(each => each.toFixed(1)).join(", ")} px, ${row.flight ? `flight ${row.flight}` : "outside flights"}` : "no position"}`;
+    const ends = [rows.findLast(each => +each.frame < slide.value), rows.find(each => +each.frame > slide.value)].map(each => each?.flight);
+    const none = ends.every(Boolean) && ends[0] !== ends[1] ? "no position: between two flights the ball touches something, or is not seen free of it" : "no position";
+    words.textContent = `Frame ${slide.value}: ${row ? `the ball at ${spot(row).map(each => each.toFixed(1)).join(", ")} px, ${row.flight ? `flight ${row.flight}` : "outside flights"}` : none}`;
   };
   const show = async () => {
     const frame = busy = slide.value;
