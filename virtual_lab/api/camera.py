@@ -224,7 +224,8 @@ def track(
     readout
         Readout time of a rolling shutter for one frame, for example ``16ms``.
     global_shutter
-        The shutter is global: all rows are exposed at once.
+        The shutter is global: all rows are exposed at once. That of a phone is not; stated as
+        global, its speeds may be off by 10 %.
     phone
         Clip of an ordinary phone: the frame rate of the file is correct unless `fps` is given, the
         shutter may roll, and the size of the ball is known to 1 % unless its u is given. Warnings
