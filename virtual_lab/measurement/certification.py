@@ -190,11 +190,7 @@ class Certifications:
         return sentences_of(self.reason_table, self.verdicts[laboratory], laboratory)
 
     def row(
-        self,
-        laboratory: int,
-        session_of: Callable[[SessionBlock], Session],
-        *,
-        camera: bool = True,
+        self, laboratory: int, session_of: Callable[[SessionBlock], Session], *, camera: bool = True
     ) -> Certification:
         """Return the certification of one laboratory, to be printed.
 

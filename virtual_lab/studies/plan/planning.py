@@ -230,9 +230,7 @@ def _floor(search: Search) -> str:
     at, unit = search.lowest, search.printed.unit
     terms = search.laboratory.forecast.contributions(search.grid.at(at[1:]), at[0])
     largest = list(terms.items())[:TERMS]
-    texts = (
-        f"{printed_source(name, 0.0)['words']} {search.printed.in_unit(value):.2g}"
-        for name, value in largest
-    )
+    size = search.printed.in_unit
+    texts = (f"{printed_source(name, 0.0)['words']} {size(u):.2g}" for name, u in largest)
     floor = with_unit(search.row(at).simulated_u, unit, ".3g")
     return f"No plan reaches the target: the floor is {floor}, with {'; '.join(texts)}."
