@@ -217,15 +217,17 @@ def test_a_ring_of_blocks_is_solved_like_a_full_matrix() -> None:
     """A random system of the same block structure is solved by numpy, too."""
     random = np.random.default_rng(4)
     for count in (5, 6):
-        n, total = 3, 3 * count
+        n, total, shared = 3, 3 * count, 4
         near = [[(3 * k + i) % total for i in range(2 * n)] for k in range(count)]
-        design = np.zeros((count, 12, total))
+        design = np.zeros((count, 12, total + shared))
         for part, index in zip(design, near, strict=True):
-            part[:, index] = random.normal(size=(12, 2 * n))
+            part[:, [*index, *range(total, total + shared)]] = random.normal(size=(12, 10))
         whole = np.einsum("kri,krj->ij", design, design)
         blocks = np.array([whole[np.ix_(index[:n], index[:n])] for index in near])
         links = np.array([whole[np.ix_(index[:n], index[n:])] for index in near])
-        right = random.normal(size=(count, n, 2))
-        exact = np.linalg.solve(whole, right.reshape(total, 2))
-        solution = solve_ring(blocks, links, right).reshape(total, 2)
-        assert solution == pytest.approx(exact, rel=1e-9, abs=1e-9)
+        right = np.zeros((total + shared, 4))
+        right[:, 0], right[total : total + 3, 1:] = random.normal(size=total + shared), np.eye(3)
+        exact = np.linalg.solve(whole, right)
+        sides = np.column_stack([whole[:, total:], right[:, 0]])
+        ring, alone = solve_ring(blocks, links, sides[:total].reshape(count, n, -1), sides[total:])
+        assert np.concatenate([ring.reshape(total, 4), alone]) == pytest.approx(exact, rel=1e-9)

@@ -240,13 +240,8 @@ def _solve(
     right[..., -1] -= pull @ stiffness
     blocks = blocks + diagonal[:, None, None] * stiffness
     links = links + beside[:, None, None] * stiffness
-    ring = solve_ring(blocks, links, right)
-    left = shared - np.tensordot(border[..., :-1], ring, ((0, 1), (0, 1)))
-    covariance = np.linalg.inv(left[:, :-1])
-    step = covariance @ left[:, -1]
-    change = ring[..., -1] - ring[..., :-1] @ step
-    by_pattern = -ring[..., :-1] @ covariance[:, :3]
-    return step, change, np.asarray(covariance[:3, :3]), np.asarray(by_pattern)
+    ring, solved = solve_ring(blocks, links, right, shared)
+    return solved[:, 0], ring[..., 0], solved[:3, 1:], ring[..., 1:]
 
 
 def _like(sectors: int) -> float:
@@ -254,10 +249,12 @@ def _like(sectors: int) -> float:
     return exp(-2 * pi / sectors / TABLE.alike)
 
 
-def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
-    """Return the solution of a symmetric, cyclic, block-tridiagonal system of equations.
+def solve_ring(blocks: Array, links: Array, border: Array, corner: Array) -> tuple[Array, Array]:
+    """Return the solution of symmetric equations of a ring of blocks and of shared parameters.
 
-    Raises `LinAlgError` if the matrix is not positive definite.
+    The first result is the part of the ring, (block, n, 4), and the second one that of the shared
+    parameters, (m, 4). The last three columns are the first three columns of the inverse matrix
+    that belong to shared parameters. Raises `LinAlgError` if the matrix is not positive definite.
 
     Parameters
     ----------
@@ -268,22 +265,29 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
         Blocks beside the diagonal, (block, n, n). ``links[k]`` is in the rows of block k and the
         columns of block k + 1. The last link is in the rows of the last block and the columns of
         the first block. The other half of the symmetric matrix has the transposed links.
-    right
-        Right-hand sides, (block, n, m). The solution has the same shape.
+    border
+        Columns of the shared parameters and right side, in the rows of the ring, (block, n, m + 1).
+    corner
+        Columns of the shared parameters and right side, in their own rows, (m, m + 1).
     """
-    from scipy.linalg import solveh_banded
+    from scipy.linalg.lapack import dpbtrf, dtbtrs
 
     count, n = blocks.shape[:2]
     first, on, beside = _fold(count, n)
     band = np.zeros((3 * n, count * n), order="F")
-    band[on] = blocks
-    band[beside] = links
-    folded = np.empty((count * n, right.shape[2]), order="F")
-    folded[first] = right
-    solved = solveh_banded(
-        band, folded, overwrite_ab=True, overwrite_b=True, lower=True, check_finite=False
-    )
-    return np.asarray(solved[first])
+    band[on], band[beside] = blocks, links
+    folded = np.empty((count * n, border.shape[2]), order="F")
+    folded[first] = border
+    factor, fault = dpbtrf(band, lower=1, overwrite_ab=1)
+    if fault:
+        raise np.linalg.LinAlgError("the ring is not positive definite")
+    half = dtbtrs(factor, folded, uplo="L", overwrite_b=1)[0]
+    left = corner - half[:, :-1].T @ half
+    inverse = np.linalg.inv(left[:, :-1])
+    solved = np.column_stack([inverse @ left[:, -1], inverse[:, :3]])
+    rest = -half[:, :-1] @ solved
+    rest[:, 0] += half[:, -1]
+    return dtbtrs(factor, rest, uplo="L", trans="T")[0][first], solved
 
 
 @lru_cache
