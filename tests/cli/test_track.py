@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,12 @@ import pytest
 from click.testing import CliRunner
 
 import virtual_lab as vl
+from tests.video.once import searching_once
 from tests.video.scenery.filming import film
 from tests.video.scenery.scenes import SCENES
 from tests.video.scenes import Film, write_video
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.find.watching import Watched, watch
-from virtual_lab.video.follow import following
 
 FILM = Film(before=12.4, count=30)
 FRAMES = np.zeros((3, 20, 20), np.uint8)
@@ -37,17 +35,8 @@ def refusal_of(*words: str) -> str:
 
 @pytest.fixture(scope="module", autouse=True)
 def watched_once() -> Iterator[None]:
-    """Search each clip for blobs once, because most tests concern the steps that follow."""
-    found: dict[tuple[str | bytes, ...], Watched] = {}
-
-    def once(clip: Clip, *, progress: Callable[[str], None], **options: Any) -> Watched:
-        key = str(clip.source.path), str(options), clip.samples.tobytes()
-        if key not in found:
-            found[key] = watch(clip, progress=progress, **options)
-        return found[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(following, "watch", once)
+    """Search each clip once, because most tests concern later steps."""
+    with searching_once():
         yield
 
 

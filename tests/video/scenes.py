@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -84,8 +85,12 @@ class Film:
             for k in (0, 1)
         )
 
-    def frames(self, full: float = 255.0) -> Iterator[NDArray[np.generic]]:
-        """Yield the frames as 8-bit pictures, or as 16-bit pictures if `full` is above 255."""
+    def frames(self, full: float = 255.0) -> list[NDArray[np.generic]]:
+        """Return the frames as 8-bit pictures, or as 16-bit pictures if `full` is above 255."""
+        return _drawn(self, full)
+
+    def draw(self, full: float) -> Iterator[NDArray[np.generic]]:
+        """Yield the frames, as `frames` does."""
         rng = np.random.default_rng(self.seed)
         behind = self.dark + self.slope * np.linspace(0, 1, self.shape[1])
         depth = np.uint8 if full <= 255 else np.uint16
@@ -101,6 +106,11 @@ class Film:
             image = scene * (1 - share) + self.light * share
             noisy = (image + self.noise * rng.standard_normal(self.shape)) * full / 255
             yield np.clip(np.round(noisy), 0, full).astype(depth)
+
+
+@lru_cache(maxsize=8)
+def _drawn(film: Film, full: float) -> list[NDArray[np.generic]]:
+    return list(film.draw(full))
 
 
 def write_video(path: Path, frames: list[NDArray[np.generic]], rate: float) -> Path:

@@ -363,7 +363,7 @@ def test_the_background_behind_a_slow_ball_is_found(light: bool) -> None:
     """A ball covers a pixel in many frames; the mean of the others is the background."""
     ball, dark = (180.0, 40.0) if light else (20.0, 120.0)
     scene = Film(light=ball, dark=dark, velocity_out=(-2.0, 0.3))
-    samples = np.stack(list(scene.frames())).astype(np.uint8)[::2]
+    samples = np.stack(scene.frames()).astype(np.uint8)[::2]
     behind = dark + 30 * np.linspace(0, 1, 320)
     still = still_of(list(samples), 8, tripod=True)
     assert np.percentile(np.abs(still.background - behind), 99) < 6

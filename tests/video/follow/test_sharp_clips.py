@@ -1,7 +1,7 @@
 """Clips of known truth through the complete tracker; doubtful clips give no number."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.video.once import searching_once
 from tests.video.scenes import Film, matte
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.clips.calibration_file import (
@@ -55,6 +56,13 @@ def run(
 
 
 Flown = Callable[[Film], tuple[SharpBall, Hit]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def searched_once() -> Iterator[None]:
+    """Search each clip once, because it is located with several calibrations."""
+    with searching_once():
+        yield
 
 
 def track_hit(path: Path, calibration: ClipCalibration) -> FollowedClip:
