@@ -73,10 +73,8 @@ def _charuco(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], 
     for legacy in (False, True)[: 2 - board.rows % 2]:
         pattern = aruco.CharucoBoard((board.columns, board.rows), board.square, board.marker, words)
         pattern.setLegacyPattern(legacy)
-        detector = aruco.CharucoDetector(pattern)
-        corners, numbers, markers, marked = detector.detectBoard(
-            plain, markerCorners=markers, markerIds=marked
-        )
+        find = aruco.CharucoDetector(pattern).detectBoard
+        corners, numbers, markers, marked = find(plain, None, None, markers, marked)
         if numbers is not None and len(numbers) > len(ids):
             ids = np.asarray(numbers, np.intp).ravel()
             places = np.asarray(corners, np.float64).reshape(-1, 2)

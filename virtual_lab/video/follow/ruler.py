@@ -79,9 +79,7 @@ class Ruler(PixelScale):
 
     def unit(self, fit: Fit) -> Any:
         """Return the scale [m/pixel]. It depends on the fit only if gravity is the ruler."""
-        if self.fall is None:
-            return self.metres_per_pixel
-        return self.fall / fit.size
+        return self.fall / fit.size if self.fall else self.metres_per_pixel
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
