@@ -9,7 +9,7 @@ from pathlib import Path
 
 from virtual_lab import catalog
 from virtual_lab.catalog.reading import DATA, Datum
-from virtual_lab.certificate.document import CertificateDocument, read_document
+from virtual_lab.certificate.document import read_document
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import read_toml
 from virtual_lab.output.result import Json, Rows
@@ -158,40 +158,17 @@ class ShownSheet:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ShownCertificate:
-    """A certificate read from its file."""
+class ShownFile:
+    """A certificate, or the text of a sheet's file."""
 
-    certificate: CertificateDocument
-
-    @property
-    def document(self) -> Json:
-        """The result for JSON."""
-        return self.certificate.as_json()
-
-    @property
-    def text(self) -> str:
-        """The result for a terminal."""
-        from virtual_lab.certificate.text import certificate_text
-
-        return certificate_text(self.certificate)
+    document: Json  # result for JSON
+    text: str  # result for a terminal
 
     def __repr__(self) -> str:
         return self.text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShownText:
-    """The text of a sheet's file."""
-
-    text: str
-
-    @property
-    def document(self) -> Json:
-        """The result for JSON."""
-        return {"toml": self.text}
-
-
-def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate | ShownText:
+def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownFile:
     """Show a data sheet or a certificate.
 
     A data sheet is an entry of the catalog, with unit and source of every number.
@@ -216,14 +193,17 @@ def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownCertificate 
     for kind in catalog.KINDS:
         if wanted in ("", kind) and entry in catalog.names(kind):
             if toml:
-                return ShownText(text=catalog.text(kind, entry).rstrip())
+                text = catalog.text(kind, entry).rstrip()
+                return ShownFile(document={"toml": text}, text=text)
             return _sheet(kind, entry)
-    if name.endswith(".json"):
-        return ShownCertificate(certificate=read_document(Path(name)))
     if name.endswith(".toml"):
         return _sheet("bats", name)
-    if Path(name).is_dir():
-        return ShownCertificate(certificate=read_document(Path(name) / "certificate.json"))
+    if Path(name).is_dir() or name.endswith(".json"):
+        from virtual_lab.certificate.text import certificate_text
+
+        path = Path(name)
+        certificate = read_document(path / "certificate.json" if path.is_dir() else path)
+        return ShownFile(document=certificate.as_json(), text=certificate_text(certificate))
     suggestion = nearest(name, [entry for kind in catalog.KINDS for entry in catalog.names(kind)])
     raise InputError(
         "", "name", name, f"{suggestion}no folder, and not in the catalog (virtual-lab list)"
