@@ -46,10 +46,7 @@ if TYPE_CHECKING:
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 UNUSUAL = 2.0  # deviation of a parameter that is stated [typical spreads]; most bats have less
-WORDS = (
-    "e_A: free bat, ball of the game conditions, 160 mph. That of a certificate has the ball,\n"
-    "speed and axis of its procedure."
-)
+WORDS = "e_A: free bat, ball of the game conditions, 160 mph; a certificate has those of its rules"
 PEAK_PLACE = "position of peak e_A"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
 
@@ -144,19 +141,13 @@ class FittedBat(StudyResult):
     def toml(self) -> str:
         """Content of the bat file; every number has a source."""
         body, measured, source = self.fitted.body, self.measured, self.source
-        comments = [
-            f"# Fitted to measurements ({source}) with the {measured.template} template.",
-            *([f"# {self.unusual}"] if self.unusual else []),
-            "# Many other bats fit them as well. Quantities that were not measured are uncertain:",
-            f"# quantity, this bat, lowest and highest of {self.members} bats that fit:",
-            *(
-                f"#   {row.quantity} [{row.unit}]: {row.value:.4g}, {row.lowest:.4g}, "
-                f"{row.highest:.4g}{', measured' if row.is_measured else ''}"
-                f"{f' ({row.remark})' if row.remark else ''}"
-                for row in self.spread
-            ),
+        lines = [
+            f"Fitted to measurements ({source}) with the {measured.template} template. Many other",
+            f"bats fit them as well; lowest and highest are those of {self.members} of them.",
+            "",
+            *self.text.splitlines(),
         ]
-        labels = {key: getattr(measured, key) for key in ("name", "title", "sport", "construction")}
+        keys = ("name", "title", "sport", "construction")
         material = {"density": "kg/m^3", "youngs_modulus": "Pa", "shear_modulus": "Pa"}
         parts = {
             **_numbers(body, "assumed", damping_ratio="1"),
@@ -167,18 +158,15 @@ class FittedBat(StudyResult):
                 for each in body.lumps
             ],
         }
-        if body.hoop:
-            frequency, mass = (
-                "assumed" if each is None else source
-                for each in (measured.hoop_frequency, measured.hoop_modal_mass)
-            )
-            parts["hoop"] = _numbers(body.hoop, frequency, frequency="Hz")
-            parts["hoop"] |= _numbers(body.hoop, mass, modal_mass="kg")
+        for key, unit in (("frequency", "Hz"), ("modal_mass", "kg")) if body.hoop else ():
+            origin = "assumed" if getattr(measured, f"hoop_{key}") is None else source
+            parts["hoop"] = parts.get("hoop", {}) | _numbers(body.hoop, origin, **{key: unit})
         spread = _numbers(
             NO_SPREAD, "this very bat", density="1", youngs_modulus="1", density_tilt="1"
         )
-        stated = {key: words for key, words in labels.items() if words}
-        return "\n".join((*comments, toml_text({**stated, "body": parts, "spread": spread})))
+        stated = {key: words for key in keys if (words := getattr(measured, key))}
+        comments = "".join(f"# {line}".rstrip() + "\n" for line in lines)
+        return comments + toml_text({**stated, "body": parts, "spread": spread})
 
 
 def fit_bat(
