@@ -600,8 +600,8 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
     "vl.calibrate('x.png', board=3)": "charuco:14x9",
     "vl.procedure('bbcor').with_(['valid_hits'])": "keys and values",
     "vl.procedure('bbcor').with_(name='')": "allowed: a string",
-    "vl.procedure('bbcor').with_(ball=vl.ball('game-2003'))": "for a sheet the name of its file",
-    "vl.coverage(instruments=[vl.ball('game-2003')])": r"; a ball is .*with_\(ball='mine.toml'\)",
+    "vl.procedure('bbcor').with_(ball=vl.ball('game-2003'))": "strings, files, numbers",
+    "vl.coverage(instruments=[vl.ball('game-2003')])": r"; a ball: procedure.with_\(ball=FILE",
     "vl.coverage(instruments=['game-2003=x.toml'])": "among the balls; a procedure names its ball",
 }
 

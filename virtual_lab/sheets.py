@@ -371,8 +371,8 @@ def sheets_in(folder: Path) -> tuple[Sheet, ...]:
     """Return the sheets in the folder of a laboratory, under the names of their files.
 
     Raises `InputError` if the folder has none, or a sheet that no test would use. A laboratory has
-    no bats and no procedures. A ball has the name of a ball of the catalog, a rig that of an
-    installed rig, and an instrument that of the catalog or that in a rig's sheet of the folder.
+    no bats and no procedures. A sheet has the name of one of the catalog. An instrument may also
+    have a name that is in a rig's sheet of the folder.
     """
     from virtual_lab import catalog
 
@@ -383,17 +383,13 @@ def sheets_in(folder: Path) -> tuple[Sheet, ...]:
         allowed = f"{missing}allowed: a folder with sheets in {', '.join(OF_LABORATORY)}"
         raise InputError("", "laboratory", str(folder), allowed)
     parts = [part for each in sheets if each.kind == "rigs" for part in each.document.values()]
-    installed = [each.name for each in entry_points(group="virtual_lab.rigs")]
-    more = {"instruments": parts, "rigs": installed, "balls": []}
     for path, sheet in zip(paths, sheets, strict=True):
-        allowed = ", ".join(names := catalog.names(sheet.kind))
-        if sheet.kind not in more:
-            allowed = f"a laboratory has none; allowed: {', '.join(OF_LABORATORY)}"
-            raise InputError(str(path), "folder", sheet.kind, allowed)
+        names = catalog.names(sheet.kind) if sheet.kind in OF_LABORATORY else ()
+        usable = (*names, *parts) if sheet.kind == "instruments" else names
         # a procedure may name the file of its ball, so `laboratory` may write ball.toml.toml
-        if not path.stem.endswith(".toml") and path.stem not in (*names, *more[sheet.kind]):
-            allowed = f"replaces no sheet; {nearest(path.stem, names)}allowed: {allowed}"
-            raise InputError(str(path), "name of the file", path.stem, allowed)
+        if path.stem not in usable and not path.stem.endswith(".toml"):
+            allowed = f"{nearest(path.stem, names)}allowed: {', '.join(names or OF_LABORATORY)}"
+            raise InputError(str(path), "file", path.stem, f"replaces no sheet; {allowed}")
         name = path.name.partition(".toml")[0]
         if (stated := sheet.document.get("name", name)) != name:
             raise InputError(str(path), "name", stated, f"allowed: {name}, the name of the file")
@@ -412,8 +408,7 @@ BATS, PROCEDURES = several(BAT), several(PROCEDURE)
 INSTRUMENT = ParameterRule(
     read=_instrument,
     parse=_instrument_in_file,
-    allowed="sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]; a ball is "
-    "named in the procedure: .with_(ball='mine.toml')",
+    allowed="[vl.instrument('pivot-gates').with_(tick='2 us')]; a ball: procedure.with_(ball=FILE)",
     complete=lambda: {f"{name}=": title for name, title in _titles("instruments", "rigs").items()},
     metavar="NAME=FILE",
     kind="name",
@@ -609,8 +604,7 @@ def _inline(value: Any) -> str:
         return json.dumps(value, ensure_ascii=False)  # JSON and TOML write strings and bools alike
     except (TypeError, ValueError) as fault:  # ValueError: a number of thousands of digits
         allowed = (
-            "cannot be written in a sheet; allowed: strings (for a sheet the name of its file), "
-            "numbers, True, False, lists, tables"
+            "cannot be written in a sheet; allowed: strings, files, numbers, bools, lists, tables"
         )
         raise InputError("", "value", value, allowed) from fault
 

@@ -203,15 +203,18 @@ def test_a_rig_that_a_laboratory_does_not_have_is_refused(ours: Path) -> None:
 # file in the folder of a laboratory, and the sheet whose text it has: end of the message
 UNUSED = {
     ("balls/mine.toml", "baseball-2003"): (
-        r"mine.toml: name of the file = 'mine'; replaces no sheet; allowed: baseball-2003, check-ba"
+        r"balls/mine.toml: file = 'mine'; replaces no sheet; allowed: baseball-2003, check-ball"
     ),
     ("balls/baseball-2003.toml", "check-ball"): (
         r"2003.toml: name = 'check-ball'; allowed: baseball-2003, the name of the file"
     ),
     ("instruments/pivot-gate.toml", "pivot-gates"): "did you mean pivot-gates.* allowed: balance-",
-    ("rigs/mine.toml", "astm-pivot"): "name of the file = 'mine'; replaces no sheet; .*astm-pivot",
-    ("bats/r161.toml", "r161"): "folder = 'bats'; a laboratory has none; allowed: instruments, ",
-    ("procedures/bbcor.toml", "bbcor"): "folder = 'procedures'; a laboratory has none; allowed: in",
+    ("rigs/mine.toml", "astm-pivot"): "file = 'mine'; replaces no sheet; .*astm-pivot",
+    (
+        "bats/r161.toml",
+        "r161",
+    ): "bats/r161.toml: .* replaces no sheet; allowed: instruments, rigs, b",
+    ("procedures/bbcor.toml", "bbcor"): "replaces no sheet; allowed: instruments, ri",
 }
 
 
@@ -224,17 +227,18 @@ def test_a_sheet_of_a_laboratory_that_no_test_would_use_is_refused(
     (tmp_path / kind).mkdir()
     vl.Sheet.of(kind, sheet).save(tmp_path / file)
     with pytest.raises(vl.InputError, match=UNUSED[file, sheet]):
-        vl.coverage(laboratory=tmp_path)
+        vl.coverage(laboratory=tmp_path, laboratories=2, summed=True)
 
 
 def test_an_instrument_that_a_rig_of_the_laboratory_names_is_used(tmp_path: Path) -> None:
-    """The title of a coverage study names the laboratory."""
-    for kind in ("rigs", "instruments"):
+    """The title of a coverage study names the laboratory. A ball may have the name of its file."""
+    for kind in ("rigs", "instruments", "balls"):
         (tmp_path / kind).mkdir()
     for name in ("bench", "ball-wall"):
         vl.rig(name).save(tmp_path / f"rigs/{name}.toml")
     vl.rig("astm-pivot").with_(gates="mine").save(tmp_path / "rigs/astm-pivot.toml")
     vl.instrument("pivot-gates").save(tmp_path / "instruments/mine.toml")
+    vl.ball("check-ball").save(tmp_path / "balls/check-ball.toml.toml")
     found = vl.coverage(laboratory=tmp_path, laboratories=2, summed=True)
     assert found.title.startswith(f"r161 by astm-f1881 in the laboratory {tmp_path}: the 95 % inte")
 

@@ -298,9 +298,7 @@ def coverage_table(
             bends = _curvatures(first, place)
             rehearsal = Rehearsal.of(first, place) if first.rules.spec.scan else None
         strayed.append(np.stack([part.stray, part.scatter], axis=1)[part.sound])
-        for name in order:
-            if name not in part.results:
-                continue
+        for name in rows_of_quantity.keys() & part.results.keys():
             beside = 0.0 if rehearsal and name == "metric" else part.beside
             rows_of_quantity[name].append(
                 part.results[name].rows(bends[name] * beside / 2)[part.sound]

@@ -97,9 +97,8 @@ class OperatingCurves(Rows[OperatingPoint]):
     def draw(self) -> PageFigure:
         """Draw the probability of PASS with its interval, one panel per procedure."""
         with page_figure(2.6 * len(self.limits)) as figure:
-            panels = figure.subplots(
-                len(self.limits), 1, squeeze=False, sharex=len({r.metric for r in self.rows}) == 1
-            ).ravel()
+            same = len({row.metric for row in self.rows}) == 1
+            panels = figure.subplots(len(self.limits), 1, squeeze=False, sharex=same).ravel()
             for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
                 for best_of, line in zip(TESTS, ("-", "--"), strict=True):
                     points = [
