@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
-UNUSUAL = 2.0  # deviation of a parameter that is stated [typical spreads]; most bats have less
+UNUSUAL = 2.5  # deviation of a parameter that is stated [typical spreads]; most bats: up to 2
 WORDS = "e_A: free bat, ball of the game conditions, 160 mph; a certificate has those of its rules"
 PEAK_PLACE = "position of peak e_A"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
