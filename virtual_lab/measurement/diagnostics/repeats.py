@@ -79,7 +79,8 @@ def _repeated_records(rows: Array, candidates: Mask, others: list[Array]) -> lis
     repeats = []
     for shot in map(int, np.flatnonzero(candidates)):
         same = first.setdefault(rows[shot].tobytes(), shot)
-        if not all(np.array_equal(each[same], each[shot], equal_nan=True) for each in others):
+        pairs = ((each[same], each[shot]) for each in others if same < shot)
+        if not all(np.array_equal(*pair, equal_nan=True) for pair in pairs):
             repeats.append((same, shot))
     return repeats
 
