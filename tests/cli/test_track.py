@@ -133,7 +133,8 @@ def test_a_track_shows_its_picture(folder: Path, tmp_path: Path) -> None:
     assert figure._repr_png_().startswith(b"\x89PNG")
     flights = [each for each in figure.axes[0].lines if str(each.get_label()).startswith("flight")]
     assert sum(len(each.get_xdata()) for each in flights) == (track.places["flight"] != "").sum()
-    track.save(tmp_path / "found")
+    (tmp_path / "found").mkdir()
+    (tmp_path / "found/settings.toml").touch()  # an earlier result
     track.save(tmp_path / "found", overwrite=True)
     stored, own = (cv2.imread(str(tmp_path / name)) for name in ("found/track.png", "own.png"))
     assert (stored == own).all()
