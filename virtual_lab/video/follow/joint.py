@@ -292,13 +292,15 @@ def _solve(
     steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6, 1e-2, 1e-2], steps])
     steps = np.diag(steps)[free]
     for turn in range(FLIGHT_FIT.rounds):
-        left = (model.xy - model.places(vector)) / model.place_u[:, None]
+        places = model.places(vector)
+        left = (model.xy - places) / model.place_u[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
         room = max(FAR_U * spread, FLIGHT_FIT.outlier_radii * model.radius)
         if model.sharp:  # the stated u of the positions is used
             room, spread = np.inf, 1.0
-        jacobian = model.jacobian(vector, steps) / model.place_u[:, None, None]
+        change = np.moveaxis(model.places(vector + steps) - places, 0, -1) / steps.sum(axis=1)
+        jacobian = change / model.place_u[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         weighted = weighted / (alike * spread**2 + model.slow)[:, None, None]
         normal = np.einsum("rci,rcj->ij", weighted, jacobian)
@@ -419,11 +421,6 @@ class _FlightModel:
         flown = _fly(states, pull, parts["drag"], self.after(vector))
         seen = _project(flown[..., :2], parts["tilt"], self.centre)
         return np.asarray(seen - parts["focal"][..., None, None] * self.lens)
-
-    def jacobian(self, vector: Array, steps: Array) -> Array:
-        """Return the Jacobian of positions by steps (step, parameter), (place, 2, step)."""
-        change = self.places(vector + steps) - self.places(vector)
-        return np.asarray(np.moveaxis(change, 0, -1) / steps.sum(axis=1))
 
 
 def _meeting(before: Array, after: Array) -> Array:
