@@ -229,7 +229,7 @@ def test_progress_in_a_pipe_is_a_line_every_ten_seconds(monkeypatch: pytest.Monk
         wait(lambda: output.getvalue().count("\n") >= 2)
     lines = output.getvalue().splitlines()
     assert len(lines) <= (time.monotonic() - began) / 0.05
-    form = r"… laboratories: 50 of 100, about 0 s left"
+    form = r"… laboratories: 50 of 100, about \d+ s left"  # more on a busy machine
     assert all(re.fullmatch(form, line) for line in lines)
     assert "\r" not in output.getvalue()
     with show_progress(silent := io.StringIO()) as progress:
