@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
+from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.watching import watch
-from virtual_lab.video.follow.correction import corrected, read_track
+from virtual_lab.video.follow.correction import corrected, read_track, require_moving_object
 from virtual_lab.video.follow.knowledge import ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene
 
@@ -34,3 +36,27 @@ def test_a_missing_time_is_that_of_the_frame(stated: range | None, tmp_path: Pat
     flights = read_track(tmp_path / "track.csv", clip)
     (flight,) = corrected(FlightsFound(scene=scene), flights).ways
     np.testing.assert_allclose(flight.t, 50 * times, atol=1e-9)
+
+
+@pytest.mark.parametrize(("right", "refused"), [(20, False), (6, False), (4, True), (0, True)])
+def test_positions_need_an_object_that_moves_in_the_same_frame(right: int, refused: bool) -> None:
+    """20 positions are up to 0.9 radii off a moving object; the others are 1.1 radii off it.
+
+    The camera has drifted, and each picture shows another object, too. Each object was at the wrong
+    positions three frames before.
+    """
+    rows = np.zeros(20, BLOB)
+    rows["frame"], rows["x"], rows["picture_x"], rows["radius"] = *3 * [np.arange(20) * 50], 10
+    rows["picture_x"] += 400
+    balls = rows.copy()
+    balls["x"] += 300  # the drift found in this clip differs
+    balls["picture_x"] += np.where(np.arange(20) < right, 9, 11)
+    late, others = rows.copy(), balls.copy()
+    late["frame"] += 3
+    others["picture_y"] += 500
+    blobs = np.concatenate([others, late, balls])
+    if refused:
+        with pytest.raises(InputError, match=f"^corrected; {right} of its 20 positions"):
+            require_moving_object(blobs, [rows[:9], rows[9:]])
+    else:
+        require_moving_object(blobs, [rows[:9], rows[9:]])
