@@ -362,16 +362,23 @@ def _drift_off(made: Made, watched: Watched) -> NDArray[np.float64]:
     return drift - (made.drift - made.drift[0])[blobs["frame"]]
 
 
-def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
+def test_a_drift_that_is_not_seen_is_flagged_and_widens_u_along_the_normal(followed: Get) -> None:
+    """A hidden drift faster than that of a hand is that of a camera that turns."""
     _, result = followed("thrown-on-wall")
     none = np.zeros_like(result.watched.still.sampled)
-    plain = replace(result.watched.still, sampled=none, hidden_drift=None)
+    plain = replace(result.watched.still, sampled=none, hidden_drift=np.inf)
     by_hand = follow_blobs(result.clip, replace(result.watched, still=plain), result.knowledge)
     stands = follow_blobs(
         result.clip, replace(result.watched, still=plain), replace(result.knowledge, tripod=True)
     )
     assert "DRIFT_UNSEEN" in by_hand.flags
     assert "DRIFT_UNSEEN" not in stands.flags
+    hand = 0.02 * max(result.clip.shape) / 30  # pixels per frame
+    for size, flagged in ((0.9, False), (1.1, True), (40.0, True)):
+        turned = replace(plain, hidden_drift=size * hand)
+        watched = replace(result.watched, still=turned)
+        again = follow_blobs(result.clip, watched, result.knowledge)
+        assert ("DRIFT_UNSEEN" in again.flags) == flagged
     for one, other in zip(by_hand.contacts, stands.contacts, strict=True):
         assert one.restitution is not None
         assert other.restitution is not None

@@ -89,8 +89,8 @@ class Still:
     edges: Edges  # edges of `small`
     # drift of the camera at the samples, (sample, 4) as in `find.drift` [full pixels]
     sampled: Array
-    # largest undetected drift along each axis [pixels per frame]; None: unknown, with too few edges
-    hidden_drift: float | None
+    # largest undetected drift along each axis [pixels per frame]; inf: unknown, with too few edges
+    hidden_drift: float
 
     @property
     def drifts(self) -> bool:
@@ -102,8 +102,7 @@ class Still:
 
         It is at most the drift of a hand-held camera, and equal to it if there are too few edges.
         """
-        hand = _STILL.hand_drift * max(self.size) * step
-        return hand if self.hidden_drift is None else min(hand, self.hidden_drift)
+        return min(_STILL.hand_drift * max(self.size) * step, self.hidden_drift)
 
     @property
     def fastest(self) -> float:
@@ -206,7 +205,7 @@ def still_of(
     small = [_shrunk(each, shrink) for each in pictures]
     greys, size = [soft(each) for each in small], small[0].shape[1::-1]
     drifts: Array = np.zeros((len(small), 4))
-    hidden_drift: float | None = 0.0
+    hidden_drift = 0.0
     if not tripod and len(greys) > 1:
         drifts, hidden_drift = _drifts_of(greys, _STILL.held * max(size) * apart)
     full = np.array([shrink, shrink, 1, 1])
@@ -225,16 +224,16 @@ def still_of(
         shrink=shrink,
         edges=edges_of(soft(behind), size, corner),
         sampled=full * drifts,
-        hidden_drift=None if hidden_drift is None else hidden_drift * shrink / apart,
+        hidden_drift=hidden_drift * shrink / apart,
     )
 
 
-def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
+def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float]:
     """Return the drift of each picture from the first, (picture, 4), and the hidden drift [pixels].
 
     Each picture is aligned with the previous one, and then with the median of all. The drifts are
     accepted if they clearly reduce the change of the edges. With few edges the hidden drift is
-    None, no turn is determined, and the drift between successive pictures is limited to `most`.
+    inf, no turn is determined, and the drift between successive pictures is limited to `most`.
     """
     none = np.zeros((len(greys), 4))
     size = greys[0].shape[1::-1]
@@ -258,7 +257,7 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
     fast = np.abs(np.diff(laid[:, :2], axis=0)).max()
     drifts = moved < _STILL.better * stood and not (few and fast > most)
     hidden = 0.0 if drifts else _slope(laid[:, :2])
-    return laid if drifts else none, None if few else hidden
+    return laid if drifts else none, np.inf if few else hidden
 
 
 def _slope(shifts: Array) -> float:

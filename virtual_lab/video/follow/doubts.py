@@ -206,9 +206,9 @@ def of_camera(model: FittedFlights, drift: float, rate: float) -> list[Note]:
         sure = value > APART[0] * u
         notes.append(("ROLLING_SHUTTER" if sure else "READOUT_UNKNOWN", f"{words} {why}"))
     if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():
-        words = "the background has too few edges to show whether the camera moves"
-        why = "u covers the usual drift of a hand. If the camera stands still, use {tripod}"
-        notes.append(("DRIFT_UNSEEN", f"{words}; {why}"))
+        words = "the background, which is plain or poorly coded, does not show whether the camera"
+        why = "moves; u covers only the usual drift of a hand. If it stands still, use {tripod}"
+        notes.append(("DRIFT_UNSEEN", f"{words} {why}"))
     return notes
 
 

@@ -215,7 +215,8 @@ def measure(
     contacts: list[Contact] = []
     if model and scale:
         if not sharp:
-            unseen = drift if watched.still.hidden_drift is None else 0.0
+            # The background moves faster than in a hand if a codec hides the turn of a camera.
+            unseen = drift if watched.still.hidden_drift > drift else 0.0
             notes += [*of_camera(model, unseen, knowledge.rate), *of_positions(model)]
         contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
