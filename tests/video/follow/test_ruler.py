@@ -121,6 +121,17 @@ def test_a_wrong_diameter_is_flagged_and_changes_no_speed(followed: Followed) ->
     assert wrong.gravity.value == pytest.approx(1.25 * result.gravity.value, rel=5e-3)
 
 
+@pytest.mark.parametrize("factor", [0.72, 0.85, 1.2, 1.4])
+def test_gravity_is_flagged_by_the_stated_difference(factor: float, followed: Followed) -> None:
+    """Two scales contradict each other beyond 3 u of their difference; it includes the u of g."""
+    _, result = followed("flat")
+    other = again(result, ball=factor * 0.073, gravity_u=0.6)
+    off = track_document(other)["scale"]["checks"][0]["off_u"]
+    assert ("GRAVITY" in other.flags) == (abs(off) > 3) == (abs(np.log(factor)) > 0.3)
+    headline = track_text(other).partition("\n")[0]
+    assert headline.endswith("; doubtful: see GRAVITY") == ("GRAVITY" in other.flags)
+
+
 def test_g_is_not_measured_by_itself(followed: Followed) -> None:
     _, result = followed("flat")
     alone = again(result, ball=None, ruler="gravity")

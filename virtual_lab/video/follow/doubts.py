@@ -51,14 +51,14 @@ def against_gravity(
     Parameters
     ----------
     shared
-        Acceleration that all flights share [m/s²].
+        Acceleration that all flights share [m/s²], with a u that includes the u of a fall with g.
     scale
         Scale that does not come from gravity.
     where
         Name of the clip in the error message.
     """
     g, (coverage, share), fall = knowledge.gravity, APART, shared.value
-    if abs(fall - g) <= max(coverage * shared.u, share * g):
+    if abs(np.log(fall / g)) * fall <= coverage * shared.u or abs(fall - g) <= share * g:
         return [], knowledge
     rate, relative_u = knowledge.rate * float(np.sqrt(g / fall)), shared.u / fall / 2
     finding = f"with {SAID[scale.source]} as the scale, the ball would fall at {fall:.4g} m/s²"

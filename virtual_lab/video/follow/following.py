@@ -225,7 +225,9 @@ def measure(
         alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp and scene.pull is None:
             shared, alone[:] = _falls(model, size, step)
-            off, fitted = against_gravity(knowledge, shared, size, where)
+            rest_u = next((each.rest_u for each in rulers if each.source == GRAVITY), 0.0)
+            u = float(np.hypot(shared.u, shared.value * rest_u))
+            off, fitted = against_gravity(knowledge, replace(shared, u=u), size, where)
             if fitted is not knowledge:
                 return measure(clip, watched, fitted, search, earlier=[*earlier, *off])
             against += off
