@@ -155,7 +155,8 @@ def test_a_kind_of_ball_gives_size_and_drag(folder: Path, tmp_path: Path) -> Non
     document = json.loads(done.stdout)
     assert document["scale"]["metres_per_pixel"] == pytest.approx(BASEBALL / 28, rel=5e-3)
     assert document["scale"]["relative_u"] == pytest.approx(4e-4 / BASEBALL, rel=0.25)
-    assert document["drag_per_m"] == pytest.approx(DRAG, rel=1e-2)
+    assert document["drag_per_m"]["value"] == pytest.approx(DRAG, rel=1e-2)
+    assert document["drag_per_m"]["u"] == pytest.approx(DRAG / 5, rel=1e-2)
     assert "was assumed" not in str(document["warnings"])
 
 
@@ -348,8 +349,21 @@ def test_the_changes_of_a_correction_and_the_answer_before_are_stated(
     said = f"positions by hand: {changed}, frame {added['frame']:.0f} is added; before, {before}"
     assert track.document["warnings"][0] == said
     assert f"\n  note: {said}\n" in track.text
-    air = f"; the air takes {100 * track.document['drag_per_m']:.2g} % of the speed per meter"
-    assert air in track.text
+    drag = track.document["drag_per_m"]
+    assert drag["value"] < 2 * drag["u"]
+    assert "the air takes" not in track.text  # because it is not significant
+
+
+def test_the_track_of_another_clip_is_refused(
+    thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """The ball of the other clip flies one diameter farther to the left."""
+    clip, out, _ = thrown
+    rows = pd.read_csv(out / "track.csv")
+    rows["x_px"] -= 2 * rows["radius_px"]
+    rows.to_csv(tmp_path / "other.csv", index=False)
+    with pytest.raises(InputError, match=r"^corrected; 0 of its .*: a track of this clip"):
+        vl.track(clip, ball="80mm", fps=30, corrected=tmp_path / "other.csv")
 
 
 def test_flights_at_the_same_time_are_refused(

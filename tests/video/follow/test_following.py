@@ -118,7 +118,7 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
     """
     made, result = left_out("thinned", 36, 29, tmp_path)
     assert set(result.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
-    missing = set(result.lost)
+    missing = set(result.scene.lost(result.ways))
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
     assert missing
     assert missing <= set(gaps.tolist())

@@ -161,6 +161,7 @@ def test_a_length_in_the_picture_replaces_both_rulers(followed: Followed) -> Non
     assert abs(by_length.gravity.value - made.gravity) < 3 * by_length.gravity.u < 0.4
     wrong = again(result, metres_per_pixel=unit, metres_per_pixel_u=0.002 * unit, ball=0.09)
     assert set(wrong.flags) - {"TILTED"} == {"BALL_SIZE"}
+    assert track_text(wrong).partition("\n")[0].endswith("; doubtful: see BALL_SIZE")
 
 
 def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(followed: Followed) -> None:
@@ -277,7 +278,9 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
         np.hypot(1 / np.cos(np.radians(5)) - 1, 1.5 * density / 3**0.5), rel=0.05
     )
     assert tilted.scale.relative_u > levelled.scale.relative_u
-    assert levelled.drag_per_m == pytest.approx(slowing, rel=0.05)
+    assert levelled.drag_per_m is not None
+    assert levelled.drag_per_m.value == pytest.approx(slowing, rel=0.05)
+    assert f"the air takes {100 * levelled.drag_per_m.value:.4f} (u 0." in track_text(levelled)
 
 
 def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed) -> None:
@@ -286,3 +289,5 @@ def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed
     sharp, unsure = (again(result, ruler="ball", ball_u=u).scale for u in (0.0, 0.007))
     added = np.sqrt(unsure.relative_u**2 - sharp.relative_u**2)
     assert added == pytest.approx(0.007 / 0.073, rel=1e-6)
+    added = np.sqrt(unsure.drag_per_m.u**2 - sharp.drag_per_m.u**2)
+    assert added == pytest.approx(unsure.drag_per_m.value * 0.007 / 0.073, rel=1e-3)

@@ -73,15 +73,10 @@ class FollowedClip(FlightsFound):
     checks: tuple[PixelScale, ...]  # other scales, for comparison
     # acceleration common to the flights, by a scale that does not come from gravity [m/s²]
     gravity: Estimate | None
-    drag_per_m: float | None
+    drag_per_m: Estimate | None
     sharp: SharpBall | None  # sharp positions of the ball, if the camera is calibrated
     notes: tuple[Note, ...]
     uncorrected: FollowedClip | None = None  # the result without positions by hand
-
-    @property
-    def lost(self) -> dict[int, int]:
-        """Number of missing frames in each gap, keyed by the number of the next frame."""
-        return self.scene.lost(self.ways)
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -211,7 +206,7 @@ def measure(
         ball = scene.blobs[[k for each in ways or pieces for k in each.blobs]]
         rulers = rulers_of(knowledge, ball, model, step, where)
     scale = rulers[0] if rulers else None
-    shared, flights = None, []
+    shared, drag, flights = None, None, []
     contacts: list[Contact] = []
     if model and scale:
         if not sharp:
@@ -232,6 +227,8 @@ def measure(
                 return measure(clip, watched, fitted, search, earlier=[*earlier, *off])
             against += off
         flights = _flights(model, alone, contacts, scale, step)
+        per_m = {"unit": 1 / scale.metres_per_pixel, "relative_u": scale.relative_u}
+        drag = estimate_of(lambda fit: fit.drag, model.fit, model.rest, **per_m)
         notes += against
     notes += against_size(rulers)
     notes += against_flights(scene, watched, pieces, ways)
@@ -253,7 +250,7 @@ def measure(
         scale=scale,
         checks=tuple(rulers[1:]),
         gravity=shared,
-        drag_per_m=model.fit.drag / scale.metres_per_pixel if model and scale else None,
+        drag_per_m=drag,
         sharp=sharp,
         notes=tuple(notes),
     )

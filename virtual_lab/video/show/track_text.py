@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 SET = ["x_px", "y_px", "radius_px"]  # columns of a position that a user may change
 CHANGED = 0.01  # smallest change by hand [pixels]; a file has seven digits
+# flags of statements that the flights contradict, or that contradict each other
+DOUBTFUL = {"GRAVITY", "BALL_SIZE", "READOUT"}
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 Row = dict[str, Any]
 ESTIMATED = {  # columns of measured values, each with a column of its u
@@ -85,12 +87,11 @@ def in_columns(row: Mapping[str, Any]) -> Row:
 def estimate_table(rows: Iterable[Mapping[str, Any]], names: Iterable[str]) -> pd.DataFrame:
     """Return the rows as a table; an estimate has a column for its value and one for its u.
 
-    `names` are the keys of a row, for a table without rows.
+    `names` are the keys of a row.
     """
     import pandas as pd
 
-    cells = [in_columns(row) for row in rows]
-    return pd.DataFrame(cells, columns=None if cells else [*in_columns(dict.fromkeys(names))])
+    return pd.DataFrame(map(in_columns, rows), columns=[*in_columns(dict.fromkeys(names))])
 
 
 def track_document(track: FollowedClip) -> Row:
@@ -109,7 +110,7 @@ def track_document(track: FollowedClip) -> Row:
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
-    knowledge, lost = track.knowledge, sum(track.lost.values())
+    knowledge, lost = track.knowledge, sum(track.scene.lost(track.ways).values())
     rate, rate_u = knowledge.rate, knowledge.rate * knowledge.rate_u
     document = {
         "clip": track.clip.source.path.name,
@@ -189,7 +190,7 @@ def track_text(track: FollowedClip) -> str:
     file, frames = track.clip.source.path.name, f"{track.clip.count} frames"
     lines = [f"no ball in flight was found in the {frames} of {file}"]
     if track.flights:
-        lines = [_fastest(track), f"{file}: {frames}, the ball in {_with_ball(track)}"]
+        lines = [_fastest(track), f"{file}: {frames}, the ball in {_with_ball(track)}; ± is 2 u"]
     contacts = {each.before: each for each in track.contacts}
     for k, flight in enumerate(track.flights):
         speeds, pull = [flight.speed_in, flight.speed_out], flight.acceleration
@@ -239,6 +240,7 @@ def _fastest(track: FollowedClip) -> str:
     mph = expanded(miles_per_hour(speed.value), miles_per_hour(speed.u))
     ratios = [each.restitution for each in track.contacts if each.before == number]
     after = [f"; restitution {expanded(each.value, each.u)} after it" for each in ratios if each]
+    after += [f"; doubtful: see {flag}" for flag in track.flags if flag in DOUBTFUL]
     return f"fastest: {expanded(speed.value, speed.u)} m/s ({mph} mph) {place}{''.join(after)}"
 
 
@@ -250,11 +252,11 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
     for each in track.checks:
         ratio, apart_u = 1e3 * each.metres_per_pixel / size - 1, np.hypot(u, each.relative_u)
         said += f"; the scale from {SAID[each.source]} differs by {100 * ratio:+.2g} % (u of the "
-        said += (
-            f"difference {100 * apart_u:.2g} %, a difference of {abs(off_u(scale, each)):.1f} u)"
-        )
-    if track.drag_per_m:
-        said += f"; the air takes {100 * track.drag_per_m:.2g} % of the speed per meter"
+        said += f"difference {100 * apart_u:.2g} %, "
+        said += f"a difference of {abs(off_u(scale, each)):.1f} u)"
+    if (drag := track.drag_per_m) and drag.value > 2 * drag.u:
+        percent = with_uncertainty(100 * drag.value, 100 * drag.u)
+        said += f"; the air takes {percent} % of the speed per meter"
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:
         side = "right" if roll > 0 else "left"
