@@ -393,6 +393,7 @@ def test_flights_at_the_same_time_are_refused(
         (["--scale", "1,2:3,4=1m"], "10 pixels apart or more"),
         (["--exposure", "8"], "a time with its unit"),
         (["--readout", "8ms", "--global-shutter"], "leave one out"),
+        (["--readout", "8ms±2"], "'16ms' or '16ms±2ms'"),
         (["--gravity", "0"], "0.1 to 100"),
         (["--corrected", "none.csv"], "none.csv"),
         (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "the given length in the picture"),
@@ -459,6 +460,16 @@ def test_wrong_types_in_python_name_the_allowed_ones(
         vl.track(clip, **said)
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("said", "times"),
+    [({"readout": "16ms±2ms"}, (0.016, 0.002)), ({"readout": "1/50"}, (0.02, 0.0)),
+     ({"global_shutter": True}, (0.0, 0.0))],
+)  # fmt: skip
+def test_a_readout_time_may_have_a_u(said: dict[str, Any], times: tuple[float, float]) -> None:
+    knowledge = vl.track(FRAMES, ball="28mm", fps=240, **said).clip.knowledge
+    assert (knowledge.readout, knowledge.readout_u) == pytest.approx(times)
 
 
 def test_a_clip_without_a_ball_is_a_sentence() -> None:

@@ -16,15 +16,18 @@ from virtual_lab.api.clip_statements import (
     FrameRate,
     PictureRegion,
     PictureScale,
+    ReadoutTime,
     StatedGravity,
     StatedMass,
     StatedRuler,
     ball_keys,
     read_frames,
+    read_if_stated,
     read_mass,
     read_position,
     read_region,
     read_seconds,
+    readout_keys,
     scale_keys,
 )
 from virtual_lab.errors import InputError
@@ -167,7 +170,7 @@ def track(
     ball_at: BallPosition | None = None,
     scale: PictureScale | None = None,
     ruler: StatedRuler | None = None,
-    readout: Duration | None = None,
+    readout: ReadoutTime | None = None,
     global_shutter: bool = False,
     phone: bool = False,
     tripod: bool = False,
@@ -222,7 +225,7 @@ def track(
         Source of the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size of
         the ``ball``. By default the source with the smaller uncertainty.
     readout
-        Readout time of a rolling shutter for one frame, for example ``16ms``.
+        Readout time of a rolling shutter for one frame, for example ``16ms`` or ``16ms±2ms``.
     global_shutter
         The shutter is global: all rows are exposed at once. That of a phone is not; stated as
         global, its speeds may be off by 10 %.
@@ -267,32 +270,31 @@ def track(
     from virtual_lab.video.show.tracked_clip import track_clip
 
     if readout and global_shutter:
-        raise InputError(
-            "", "{readout}", readout, "a global shutter has no readout time; leave one out"
-        )
+        allowed = "a global shutter has no readout time; leave one out"
+        raise InputError("", "{readout}", readout, allowed)
     statements = {
-        **ball_keys(ball),
-        **scale_keys(scale),
+        **(read_if_stated(ball_keys, ball) or {}),
+        **(read_if_stated(scale_keys, scale) or {}),
+        **(read_if_stated(readout_keys, "0s" if global_shutter else readout) or {}),
         "frames_per_second": fps,
         "frames_per_second_u": None if fps is None else 0.0,
         "gravity": gravity,
         "gravity_u": None if gravity is None else 0.0,
-        "mass": read_mass(mass),
-        "exposure": read_seconds(exposure),
-        "frames": read_frames(frames),
-        "region": read_region(region),
-        "ball_at": read_position(ball_at),
+        "mass": read_if_stated(read_mass, mass),
+        "exposure": read_if_stated(read_seconds, exposure),
+        "frames": read_if_stated(read_frames, frames),
+        "region": read_if_stated(read_region, region),
+        "ball_at": read_if_stated(read_position, ball_at),
         "ruler": ruler,
-        "readout": 0.0 if global_shutter else read_seconds(readout),
         "phone": phone or None,
         "tripod": tripod or None,
         "level_u": STATED_LEVEL_U if level else None,
-        "file": None if calibration is None else Path(calibration),
-        "corrected": None if corrected is None else Path(corrected),
+        "file": read_if_stated(Path, calibration),
+        "corrected": read_if_stated(Path, corrected),
     }
     file = clip if isinstance(clip, np.ndarray) else Path(clip)
-    stated = {key: value for key, value in statements.items() if value is not None}
-    result = track_clip(file, stated, progress=progress)
+    said = {key: value for key, value in statements.items() if value is not None}
+    result = track_clip(file, said, progress=progress)
     return Track(clip=result, progress=progress, film=film_of_track)
 
 

@@ -1,7 +1,7 @@
 """Types of the statements about a clip, `73mm±0.5mm`, `17:52`, `x,y@frame`, with their rules.
 
 The rule of a type rejects a string of another form. The function that reads the string converts it
-to SI units. It returns None for None, which means that nothing is stated.
+to SI units.
 """
 
 from __future__ import annotations
@@ -26,88 +26,89 @@ CLICK_U = 1.0  # u of a point that a person gives [pixels]
 UNSTATED_U = 0.01
 
 
-def read_seconds(text: str | None) -> float | None:
+def read_if_stated(read: Callable[[Any], Any], value: object) -> Any:
+    """Return what `read` returns for a statement; None if nothing is stated."""
+    return None if value is None else read(value)
+
+
+def read_seconds(text: str) -> float:
     """Return a time in seconds from a string such as ``8ms`` or ``1/120``.
 
-    A fraction such as ``1/120`` needs no unit. None gives None. Raises `ValueError` for a string of
-    another form, for any other number without a unit, for a time outside 0 to 1 s, and for ``1/0``.
+    A fraction such as ``1/120`` needs no unit. Raises `ValueError` for a string of another form,
+    for any other number without a unit, and for a time outside 0 to 1 s. ``1/0`` raises
+    `ZeroDivisionError`.
     """
-    if text is None:
-        return None
     from virtual_lab.units import to_si
 
-    form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
-    match = re.fullmatch(form, text.replace("µ", "u"))
-    divisor = float(match[2] or 1) if match else 0.0
-    if not match or not divisor or not (match[2] or match[3]):
+    form = r"^\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*$"
+    ((number, divisor, unit),) = re.findall(form, text.replace("µ", "u"))
+    if not (divisor or unit):
         raise ValueError(text)
-    return _within(to_si(float(match[1]) / divisor, match[3] or "s", "time"), 0, 1)
+    return _within(to_si(float(number) / float(divisor or 1), unit or "s", "time"), 0, 1)
 
 
-def read_mass(text: str | None) -> float | None:
+def readout_keys(text: str) -> dict[str, float | None]:
+    """Return a readout time [s] and its u from a string such as ``16ms`` or ``16ms±2ms``.
+
+    The keys of the result are ``readout`` and ``readout_u``. A u that is not stated is None. Raises
+    the errors of `read_seconds`.
+    """
+    time, more = _with_u(text)
+    return {"readout": read_seconds(time), "readout_u": read_if_stated(read_seconds, more)}
+
+
+def read_mass(text: str) -> float:
     """Return a mass in kilograms from a string such as ``145g``.
 
-    None gives None. Raises `ValueError` for a string of another form, for an unknown unit, and for
-    a mass outside 0.1 g to 10 kg.
+    Raises `ValueError` for a string of another form and for a mass outside 0.1 g to 10 kg, and
+    `KeyError` for an unknown unit.
     """
-    if text is None:
-        return None
-    from virtual_lab.units import DIMENSIONS, to_si
+    from virtual_lab.units import to_si
 
-    match = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
-    if not match or match[2] not in DIMENSIONS["mass"]:
-        raise ValueError(text)
-    return _within(to_si(float(match[1]), match[2], "mass"), 1e-4, 10)
+    ((number, unit),) = re.findall(r"^\s*([\d.e-]+)\s*([a-z]+)\s*$", text)
+    return _within(to_si(float(number), unit, "mass"), 1e-4, 10)
 
 
-def read_frames(text: str | None) -> tuple[int, int] | None:
+def read_frames(text: str) -> tuple[int, int]:
     """Return the numbers of the first and last frame from a string such as ``17:52``.
 
-    Frames are counted from 0. None gives None. Raises `ValueError` for a string of another form,
-    for a negative number, and if the first is not before the last.
+    Frames are counted from 0. Raises `ValueError` for a string of another form, for a negative
+    number, and if the first is not before the last.
     """
-    if text is None:
-        return None
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
 
 
-def read_region(text: str | None) -> tuple[float, float, float, float] | None:
+def read_region(text: str) -> tuple[float, float, float, float]:
     """Return x, y, width and height [px] of a part of the picture from ``10,20,300,200``.
 
     x and y are the position of the part's upper left corner, counted from the upper left corner of
-    the picture. None gives None. Raises `ValueError` for a string of another form, for a width or
-    height below 1 px, and for any number beyond ±1e6 px.
+    the picture. Raises `ValueError` for a string of another form, for a width or height below 1 px,
+    and for any number beyond ±1e6 px.
     """
-    if text is None:
-        return None
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
 
 
-def read_position(text: str | None) -> tuple[float, float, int] | None:
+def read_position(text: str) -> tuple[float, float, int]:
     """Return x and y of a ball [px], and its frame number, from a string such as ``210,85@17``.
 
-    x and y are counted from the upper left corner of the picture. None gives None. Raises
-    `ValueError` for a string of another form, and for x or y beyond ±1e6 px.
+    x and y are counted from the upper left corner of the picture. Raises `ValueError` for a string
+    of another form, and for x or y beyond ±1e6 px.
     """
-    if text is None:
-        return None
     position, frame = text.split("@")
     x, y = _numbers(position, 2)
     return x, y, int(frame)
 
 
-def scale_keys(text: str | None) -> dict[str, float]:
+def scale_keys(text: str) -> dict[str, float]:
     """Return the scale of the picture [m/px] and its u, from two points and their distance.
 
     The keys of the result are ``metres_per_pixel`` and ``metres_per_pixel_u``, as in a calibration
     file. The string is ``X,Y:X,Y=50cm``, with both points in pixels. Each point has a u of 1 px.
-    The result is empty for None. Raises `ValueError` for a string of another form or points closer
-    than 10 px. Raises `InputError` for a length without a unit or outside 1 mm to 1000 m.
+    Raises `ValueError` for a string of another form or points closer than 10 px. Raises
+    `InputError` for a length without a unit or outside 1 mm to 1000 m.
     """
-    if text is None:
-        return {}
     points, length = text.split("=")
     (x, y), (other_x, other_y) = (_numbers(each, 2) for each in points.split(":"))
     distance = _within(hypot(x - other_x, y - other_y), 10 * CLICK_U, 1e6)
@@ -117,19 +118,17 @@ def scale_keys(text: str | None) -> dict[str, float]:
     return {"metres_per_pixel": scale, "metres_per_pixel_u": scale * relative}
 
 
-def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
+def ball_keys(ball: AnyEntry) -> dict[str, Any]:
     """Return the diameter of the ball [m] and its u as calibration keys.
 
     The keys are ``ball_diameter_m``, ``ball_diameter_m_u`` and ``assumed``. `ball` is a diameter
     with its unit, the first letters of exactly one ball in the catalog, a .toml file, or a sheet.
     Unless `ball` is a diameter, the result also has the mass ``ball_mass`` [kg]. If no u is stated,
-    a u of 1 % is assumed and ``assumed`` is True. The result is empty for None.
+    a u of 1 % is assumed and ``assumed`` is True.
 
     Raises `ValueError` for letters that do not fit exactly one ball. Raises `InputError` for a
     diameter without a unit or outside 1 mm to 1 m, and for a file that is not the sheet of a ball.
     """
-    if ball is None:
-        return {}
     spec = _ball_spec(entry_name(ball))
     if spec:
         diameter, u, more = 2 * spec.radius, 2 * spec.radius_u or None, {"ball_mass": spec.mass}
@@ -159,9 +158,15 @@ def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None
     """Return a length (1 mm to `most`) and its u [m] from `73mm±0.5mm`; u is None if not stated."""
     from virtual_lab.relations.board import length_of
 
-    size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
+    size, more = _with_u(text)
     length = length_of(size, key, 1e-3, most)
-    return length, length_of(more, key, 0.0, length / 2) if sign else None
+    return length, None if more is None else length_of(more, key, 0.0, length / 2)
+
+
+def _with_u(text: str) -> tuple[str, str | None]:
+    """Return the two sides of the sign ± as strings; the second is None without a sign."""
+    size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
+    return size, more if sign else None
 
 
 def _numbers(text: str, count: int) -> list[float]:
@@ -181,10 +186,7 @@ def _text(convert: Callable[[str], object], allowed: str, metavar: str) -> Param
     """Return the rule of a string that `convert` can read. The value remains the string."""
 
     def read(value: Any) -> str:
-        try:
-            convert(read_word(value))
-        except ArithmeticError as fault:  # 1/0
-            raise ValueError(value) from fault
+        convert(read_word(value))
         return str(value)
 
     return ParameterRule(read=read, allowed=allowed, metavar=metavar)
@@ -224,6 +226,9 @@ BallOrDiameter = Annotated[
 StatedMass = Annotated[str, _text(read_mass, "a mass with its unit, e.g. '145g'", "MASS")]
 Duration = Annotated[
     str, _text(read_seconds, "a time with its unit, up to 1 s, e.g. '8ms' or '1/120'", "TIME")
+]
+ReadoutTime = Annotated[
+    str, _text(readout_keys, "a time with its unit, up to 1 s, e.g. '16ms' or '16ms±2ms'", "TIME")
 ]
 FrameRange = Annotated[str, _text(read_frames, "first:last, e.g. '17:52'", "FIRST:LAST")]
 PictureRegion = Annotated[

@@ -138,7 +138,7 @@ def _read(name: str, description: Description, key: str, value: Any) -> Any:
         return rule.read(value)
     except InputError:
         raise
-    except (TypeError, ValueError, OverflowError) as fault:
+    except (TypeError, ValueError, KeyError, ArithmeticError) as fault:
         if callable(getattr(value, name, None)) and not isinstance(value, str):
             allowed = f"has a function of its own: write .{name}() after it"
             raise InputError("", key, value, allowed) from fault

@@ -73,7 +73,7 @@ def read_value(rule: ParameterRule, value: Any) -> Any:
         return rule.read(value)
     except InputError:
         raise
-    except (TypeError, ValueError, OverflowError) as fault:
+    except (TypeError, ValueError, KeyError, ArithmeticError) as fault:
         raise ValueError(f"{value!r}; {advice(rule, value)}") from fault
 
 
@@ -99,7 +99,7 @@ def settings_in(
         try:
             if key != INSTRUMENTS:  # a string NAME=FILE in a file, a sheet in Python
                 rule.read(value)
-        except (TypeError, ValueError, OverflowError) as fault:
+        except (TypeError, ValueError, KeyError, ArithmeticError) as fault:
             raise InputError(str(path), key, value, advice(rule, value)) from fault
         if rule.several and not isinstance(value, list):
             settings[key] = [value]

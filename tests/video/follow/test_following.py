@@ -30,6 +30,7 @@ from virtual_lab.video.follow.following import FollowedClip, follow, follow_blob
 from virtual_lab.video.follow.knowledge import FILE, STATED_LEVEL_U, ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound, search
 from virtual_lab.video.show.course import course_of, names_of
+from virtual_lab.video.show.track_text import track_text
 from virtual_lab.video.show.tracked_clip import track_clip
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
@@ -436,9 +437,28 @@ def test_a_rolling_shutter_is_found(followed: Get) -> None:
     made, result = followed("rolling-shutter")
     assert result.flags == ("ROLLING_SHUTTER",)
     words = " ".join(result.warnings)
-    fitted, u = map(float, re.findall(r"time of (\S+) ms \(u (\S+) ms\)", words)[0])
+    fitted, u = map(float, re.findall(r"time of (\S+) \(u (\S+)\) ms", words)[0])
     assert abs(fitted - 25) < 2 * u < 3.3  # the frame interval is 33 ms
     require_contacts(made.truth, result)
+
+
+@pytest.mark.parametrize(
+    ("stated", "flags"),
+    [((0.0, 0.0), {"READOUT"}), ((0.0, 0.03), set()), ((0.024, 0.0), set())],
+)
+def test_a_stated_readout_that_the_flights_contradict_is_flagged(
+    stated: tuple[float, float], flags: set[str], followed: Get
+) -> None:
+    """It is 25 ms; the difference is compared with the u of both."""
+    made, result = followed("rolling-shutter")
+    said = dict(zip(("readout", "readout_u"), stated, strict=True))
+    again = follow_blobs(result.clip, result.watched, replace(result.knowledge, **said))
+    assert set(again.flags) == flags
+    assert ("READOUT" in track_text(again).partition("\n")[0]) == bool(flags)
+    if not flags:
+        require_contacts(made.truth, again)
+        assert again.fit is not None
+        assert again.fit.readout * again.seconds == pytest.approx(0.025, abs=0.003)
 
 
 def test_an_unknown_readout_increases_the_u_of_speeds(followed: Get) -> None:

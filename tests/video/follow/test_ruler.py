@@ -286,8 +286,8 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
 def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed) -> None:
     """For 73 mm ± 7 mm, the u of the diameter is added in squares."""
     _, result = followed("flat")
-    sharp, unsure = (again(result, ruler="ball", ball_u=u).scale for u in (0.0, 0.007))
-    added = np.sqrt(unsure.relative_u**2 - sharp.relative_u**2)
+    sharp, unsure = (again(result, ruler="ball", ball_u=u) for u in (0.0, 0.007))
+    added = np.sqrt(unsure.scale.relative_u**2 - sharp.scale.relative_u**2)
     assert added == pytest.approx(0.007 / 0.073, rel=1e-6)
     added = np.sqrt(unsure.drag_per_m.u**2 - sharp.drag_per_m.u**2)
     assert added == pytest.approx(unsure.drag_per_m.value * 0.007 / 0.073, rel=1e-3)

@@ -119,9 +119,8 @@ def read_calibration(
     calibration = validate(document, str(path or ""), ClipCalibration)
     if path and calibration.timestamps is not None:
         calibration = replace(calibration, timestamps=str(path.parent / calibration.timestamps))
-    if needs_length and not (
-        calibration.metres_per_pixel or calibration.camera or calibration.ball_diameter_m
-    ):
+    lengths = calibration.metres_per_pixel, calibration.camera, calibration.ball_diameter_m
+    if needs_length and not any(lengths):
         allowed = "give {ball}, {scale} or {ruler=gravity}, or a scale in a calibration file"
         raise InputError(str(path or ""), "{ball}", None, f"the scale is unknown; {allowed}")
     return calibration

@@ -197,14 +197,18 @@ def of_camera(model: FittedFlights, drift: float, rate: float) -> list[Note]:
     if model.tilted:
         words = "the camera looks up or down by ten degrees or more; a perspective was fitted, and"
         notes.append(("TILTED", f"{words} scale and speeds refer to the middle of the picture"))
-    if model.scene.readout is None:
-        k = -4 * len(fit.states) - 2
-        value, u = fit.readout, float(np.sqrt(fit.covariance[k, k]))
-        size = f"{1e3 * value / rate:.2g} ms (u {1e3 * u / rate:.2g} ms)"
-        words = f"a rolling shutter with a readout time of {size}"
+    free, stated, ms = fit, model.scene.readout, 1e3 / rate
+    if stated is not None:
+        free = fit_flights(replace(model.scene, readout=None), model.ways, floor=fit.floor)
+    value, u = free.readout, np.sqrt(np.diag(free.covariance)[-4 * len(fit.states) - 2])
+    words = f"a rolling shutter with a readout time of {with_uncertainty(ms * value, ms * u)} ms"
+    if stated is None:
         why = "was fitted, and u covers it; if you know it, state {readout} or {global_shutter}"
-        sure = value > APART[0] * u
-        notes.append(("ROLLING_SHUTTER" if sure else "READOUT_UNKNOWN", f"{words} {why}"))
+        flag = "ROLLING_SHUTTER" if value > APART[0] * u else "READOUT_UNKNOWN"
+        notes.append((flag, f"{words} {why}"))
+    elif (apart := abs(value - stated) / np.hypot(u, model.scene.readout_u)) > APART[0]:
+        why = f"would fit better than {ms * stated:.2g} ms, a difference of {apart:.2g} u"
+        notes.append(("READOUT", f"{words} {why}; check {{readout}} and {{global_shutter}}"))
     if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():
         words = "the background, which is plain or poorly coded, does not show whether the camera"
         why = "moves; u covers only the usual drift of a hand. If it stands still, use {tripod}"

@@ -319,10 +319,7 @@ def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Arr
     deviation of the last position.
     """
     size = float(np.hypot(*pull))
-    if size == 0:
-        return speed
-    falls = float(velocity @ pull) / size
-    if abs(falls) > size * (1 + np.sqrt(8 * off / size)):
+    if size == 0 or abs(velocity @ pull) > size**2 * (1 + np.sqrt(8 * off / size)):
         return speed
     across = abs(float(velocity[0] * pull[1] - velocity[1] * pull[0])) / size
     return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))

@@ -183,7 +183,7 @@ def fit_flights(
         Contacts with a common floor, which is assumed to be level within `FLIGHT_FIT.slant_u`.
     """
     # readout time and its u
-    rolled = FLIGHT_FIT.readout if scene.readout is None else (scene.readout, 0.0)
+    rolled = FLIGHT_FIT.readout if scene.readout is None else (scene.readout, scene.readout_u)
     blobs = np.concatenate([each.blobs for each in flights])
     late = [scene.late(each.blobs) for each in flights]
     times = [each.t + rolled[0] * rows for each, rows in zip(flights, late, strict=True)]

@@ -31,6 +31,7 @@ class FlightScene:
     # pixel
     in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, at most 1
+    readout_u: float = 0.0
     pull: Array | None = None  # g, if known, (2,) [px/frame²]
     # u of the camera's angle off level, and off square, a number or (2,) [rad]
     level_u: Array | float = LEVEL_U

@@ -96,6 +96,7 @@ def clip_scene(
         pull=pull,
         level_u=knowledge.level_u,
         readout=knowledge.readout and knowledge.readout * knowledge.rate,
+        readout_u=knowledge.readout_u * knowledge.rate,
         readout_axis=knowledge.readout_axis,
     )
 

@@ -143,15 +143,14 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
     rows, columns = clip.shape
     first, (left, top, *_) = (knowledge.frames or (0,))[0], knowledge.region or (0, 0)
     x, y, frame = knowledge.ball_at or (0, 0, 0)
-    inside = 0 <= x < columns and 0 <= y < rows and 0 <= frame < clip.count
-    for name, fits in (
-        ("frames", first < clip.count - 1),
-        ("region", left < columns and top < rows),
-        ("ball_at", inside),
-    ):
-        if not fits:
-            allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-            raise InputError(str(clip.source.path), f"{{{name}}}", said[name], allowed)
+    within = {
+        "frames": first < clip.count - 1,
+        "region": left < columns and top < rows,
+        "ball_at": 0 <= x < columns and 0 <= y < rows and 0 <= frame < clip.count,
+    }
+    for name in (each for each in within if not within[each]):
+        allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
+        raise InputError(str(clip.source.path), f"{{{name}}}", said[name], allowed)
     return knowledge
 
 
@@ -191,10 +190,8 @@ def save_track(
     with new_folder(folder, settings, overwrite=overwrite) as draft:
         # A time is written in full, because it identifies its frame.
         course = course_table(pictures.places).astype({"time_s": object})
-        for name, table in (
-            ("track", course),
-            ("speeds", estimate_table(flight_rows(track), OF_FLIGHT)),
-        ):
+        speeds = estimate_table(flight_rows(track), OF_FLIGHT)
+        for name, table in (("track", course), ("speeds", speeds)):
             table.to_csv(draft / f"{name}.csv", index=False, float_format="%.7g")
         text = json.dumps(track_document(track), indent=2, allow_nan=False)
         (draft / "result.json").write_text(text + "\n", encoding="utf-8")
