@@ -145,17 +145,17 @@ def test_progress_is_a_bar_with_the_time_left(
     with show_progress(output := stream()) as progress:
         for done in (0, 20, 70):
             progress("laboratories", done, 100)
-        wait(lambda: "70 of 100, about 0 s left" in output.getvalue())
+        wait(lambda: "70 of 100, about " in output.getvalue())
         progress("drawing")
-        wait(lambda: "drawing, 00:00" in output.getvalue())
+        wait(lambda: "drawing, 00:" in output.getvalue())
     *lines, blank, end = output.getvalue().split("\r")[1:]
     assert {len(line) for line in (*lines, blank)} == {119}
     assert (blank.strip(), end) == ("", "")
     counted = [line for line in lines if "70 of 100" in line]
-    drawn = re.fullmatch(r"laboratories \|(.+)\| 70 of 100, about 0 s left", counted[-1])
+    drawn = re.fullmatch(r"laboratories \|(.+)\| 70 of 100, about \d+ s left", counted[-1])
     assert drawn
     assert drawn[1].count(mark) == pytest.approx(0.7 * len(drawn[1]), abs=1)
-    assert lines[-1].rstrip() == "drawing, 00:00"
+    assert re.fullmatch(r"drawing, 00:\d\d", lines[-1].rstrip())
     monkeypatch.setattr(module, "PATIENCE", 60.0)
     with show_progress(quick := stream()) as progress:
         progress("bats")
