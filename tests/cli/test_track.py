@@ -362,7 +362,7 @@ def test_the_track_of_another_clip_is_refused(
     rows = pd.read_csv(out / "track.csv")
     rows["x_px"] -= 2 * rows["radius_px"]
     rows.to_csv(tmp_path / "other.csv", index=False)
-    with pytest.raises(InputError, match=r"^corrected; 0 of its .*: a track of this clip"):
+    with pytest.raises(InputError, match=r"^corrected; none of its .*: a track of this clip"):
         vl.track(clip, ball="80mm", fps=30, corrected=tmp_path / "other.csv")
 
 

@@ -99,8 +99,8 @@ def _rms(error: Array) -> float:
     return float(np.sqrt(np.mean(error[np.isfinite(error)] ** 2)))
 
 
-def _last_speed(fit: Fit) -> float:
-    return float(np.hypot(*fit.states[0, 2:]))
+def _last_speed(fit: Fit) -> Array:
+    return np.asarray(np.linalg.norm(fit.states[..., 0, 2:], axis=-1))
 
 
 def _follow(places: Array) -> tuple[list[Piece], FlightScene]:

@@ -38,7 +38,7 @@ def test_a_missing_time_is_that_of_the_frame(stated: range | None, tmp_path: Pat
     np.testing.assert_allclose(flight.t, 50 * times, atol=1e-9)
 
 
-@pytest.mark.parametrize(("right", "refused"), [(20, False), (6, False), (4, True), (0, True)])
+@pytest.mark.parametrize(("right", "refused"), [(20, False), (1, False), (0, True)])
 def test_positions_need_an_object_that_moves_in_the_same_frame(right: int, refused: bool) -> None:
     """20 positions are up to 0.9 radii off a moving object; the others are 1.1 radii off it.
 
@@ -56,7 +56,7 @@ def test_positions_need_an_object_that_moves_in_the_same_frame(right: int, refus
     others["picture_y"] += 500
     blobs = np.concatenate([others, late, balls])
     if refused:
-        with pytest.raises(InputError, match=f"^corrected; {right} of its 20 positions"):
+        with pytest.raises(InputError, match="^corrected; none of its 20 positions"):
             require_moving_object(blobs, [rows[:9], rows[9:]])
     else:
         require_moving_object(blobs, [rows[:9], rows[9:]])

@@ -43,7 +43,7 @@ class ClipKnowledge:
     ruler: str | None = None
     tripod: bool = False  # True if the camera is known to stand still
     readout: float | None = None  # readout time [s]; None: unknown, at most a frame
-    readout_u: float = 0.0
+    readout_u: float = EXACT
     readout_axis: tuple[int, int] = (1, 1)
     frames: tuple[int, int] | None = None
     region: tuple[float, float, float, float] | None = None

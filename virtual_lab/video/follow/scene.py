@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
+from virtual_lab.video.clips.calibration_file import EXACT
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.knowledge import LEVEL_U
 from virtual_lab.video.follow.pieces import Piece
@@ -31,7 +32,7 @@ class FlightScene:
     # pixel
     in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, at most 1
-    readout_u: float = 0.0
+    readout_u: float = EXACT
     pull: Array | None = None  # g, if known, (2,) [px/frame²]
     # u of the camera's angle off level, and off square, a number or (2,) [rad]
     level_u: Array | float = LEVEL_U
