@@ -56,7 +56,7 @@ def test_positions_need_an_object_that_moves_in_the_same_frame(right: int, refus
     others["picture_y"] += 500
     blobs = np.concatenate([others, late, balls])
     if refused:
-        with pytest.raises(InputError, match="^corrected; none of its 20 positions"):
+        with pytest.raises(InputError, match=r"^corrected; none of its 20 positions"):
             require_moving_object(blobs, [rows[:9], rows[9:]])
     else:
         require_moving_object(blobs, [rows[:9], rows[9:]])
