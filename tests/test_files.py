@@ -1,5 +1,6 @@
 """Drafts of real processes that are killed, stopped or running, folders of others, and tables."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.warming import kernels
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files, new_folder
 from virtual_lab.files.documents import parse_table
@@ -229,6 +231,13 @@ def test_every_generalised_function_is_compiled_by_one_process_at_a_time() -> No
         text = file.read_text("utf-8")
         alone = text.count("@one_process_at_a_time(\n    guvectorize(")
         assert text.count("guvectorize(") + text.count("vectorize(") == 2 * alone, file
+
+
+def test_the_kernels_that_are_compiled_before_the_tests_are_kernels() -> None:
+    """A module without a kernel was counted as one that is never compiled: each run began anew."""
+    texts = {file.stem: file.read_text("utf-8") for file in kernels()}
+    assert {"modal_kernel", "budget_kernel", "kinematics", "wall_kernel"} <= texts.keys()
+    assert all(re.search(r"njit\(|vectorize\(", text) for text in texts.values())
 
 
 def test_a_table_is_written_as_pandas_writes_it() -> None:

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-__all__ = ["warm_kernels"]
+__all__ = ["kernels", "warm_kernels"]
 
 ROOT = Path(__file__).parents[1]
 
@@ -21,8 +21,7 @@ def warm_kernels(tell: Callable[[str], object]) -> None:
 
     `tell` prints a line. An interruption ends all processes, without a line of their own.
     """
-    sources = [path for path in (ROOT / "virtual_lab").rglob("*.py") if _compiles(path)]
-    if all(map(_is_compiled, sources)):
+    if all(map(_is_compiled, kernels())):
         return
     tell("compiling the numerical code, about a minute; later runs begin at once")
     command = [sys.executable, "-m", "tests.warming"]
@@ -35,8 +34,11 @@ def warm_kernels(tell: Callable[[str], object]) -> None:
             part.kill()
 
 
-def _compiles(source: Path) -> bool:
-    return re.search("cache.{1,3}True", source.read_text("utf-8")) is not None
+def kernels() -> list[Path]:
+    """Return the modules whose functions are compiled and then kept on disk."""
+    kept = re.compile(r"cache=True|\*\*KERNEL")
+    modules = (ROOT / "virtual_lab").rglob("*.py")
+    return [path for path in modules if kept.search(path.read_text("utf-8"))]
 
 
 def _is_compiled(source: Path) -> bool:
