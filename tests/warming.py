@@ -74,12 +74,24 @@ def _scans() -> None:
 
 
 def _camera() -> None:
+    import numpy as np
+
+    from tests.simulation.instruments.camera.scenes import (
+        QUIET,
+        SHOTS,
+        bat_of,
+        camera_of,
+        course_of,
+        spec_of,
+    )
     from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
     from virtual_lab.fidelity.camera_pictures import pictures
     from virtual_lab.fidelity.camera_scenes import Case
 
     for case in (Case(), Case(stitched=True, light="soft")):
         ESTIMATORS[EDGE](pictures(case).inputs)
+    spec, course = spec_of("camera-overhead"), course_of()
+    camera_of(spec, QUIET).watch(course, QUIET, "clip", np.arange(SHOTS), bat=bat_of(course))
 
 
 def _motion() -> None:
