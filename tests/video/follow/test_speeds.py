@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from tests.video.follow.test_pieces import RADIUS, blobs_of, hops
+from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.following import FollowedClip, follow_blobs
+from virtual_lab.video.follow.following import FollowedClip, _let_go, follow_blobs
 from virtual_lab.video.follow.joint import estimate_of, fit_flights
 from virtual_lab.video.follow.knowledge import ClipKnowledge
 from virtual_lab.video.follow.models import FittedFlights
@@ -147,3 +148,18 @@ def test_a_ball_that_moves_most_of_the_time_without_flying_is_flagged() -> None:
         assert ("UNEXPLAINED" in clip.flags) == flagged
         share = (flight.last_frame - flight.first_frame + 1) / len(late)
         assert f"flights explain {100 * share:.0f} %" in " ".join(clip.warnings)
+
+
+@pytest.mark.parametrize(
+    ("down", "u"), [(1.3, 0.1), (1.2, np.hypot(0.1, 2 * np.hypot(3, 1.2) - 6))]
+)
+def test_a_ball_that_has_just_been_let_go_may_have_no_fall_yet(down: float, u: float) -> None:
+    """Gravity is 0.25 px/frame², and the first position 0.5 px off: a fall of two frames, each way.
+
+    A ball that falls faster than 0.25 (1 + 4) px/frame was let go before. The speed of the slower
+    one is between that of the fit and that along the horizontal.
+    """
+    speed = Estimate(value=2 * float(np.hypot(3, down)), u=0.1)  # at 2 m/s per px/frame
+    found = _let_go(speed, 2.0, 0.5, np.array([3.0, down]), np.array([0.0, 0.25]))
+    assert found.value == speed.value
+    assert found.u == pytest.approx(u)
