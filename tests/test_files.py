@@ -234,7 +234,7 @@ def test_every_generalised_function_is_compiled_by_one_process_at_a_time() -> No
 
 
 def test_the_kernels_that_are_compiled_before_the_tests_are_kernels() -> None:
-    """A module without a kernel was counted as one that is never compiled: each run began anew."""
+    """If a module without kernels is counted, all kernels are compiled again before each run."""
     texts = {file.stem: file.read_text("utf-8") for file in kernels()}
     assert {"modal_kernel", "budget_kernel", "kinematics", "wall_kernel"} <= texts.keys()
     assert all(re.search(r"njit\(|vectorize\(", text) for text in texts.values())

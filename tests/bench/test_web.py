@@ -296,7 +296,7 @@ BAD = ("", "x" * 301, "1e99", "-7", "nan", "0,5 furlong", "<script>alert(1)</scr
 
 def test_bad_input_in_every_field_leaves_the_day_whole(browser: Browser) -> None:
     """Each field of each action: refused with its name, or an entry; never half of one."""
-    number = 1  # of the next entry
+    number = 1  # number of the next entry
     for action, arguments in ARGUMENTS.items():
         sound = {each.name: SOUND.get(each.kind) or each.choices[0] for each in arguments}
         for argument in arguments:

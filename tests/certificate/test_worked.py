@@ -578,6 +578,13 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
             *_, found = re.findall(rf"^  {symbol} +([\d.]+) \(u ([\d.]+)\)", text, re.MULTILINE)
             assert agrees(found[0], stated[key]["value"])
             assert agrees(found[1], stated[key]["u"])
+    (parts,) = re.findall(r"^  largest parts of u²: (.*)$", text, re.MULTILINE)
+    shares = [line["share_percent"] for line in stated["budget"]]  # largest first
+    shown = [share for share in shares if share >= 1]
+    shown = [*shown, sum(shares) - sum(shown)][:3]
+    found = re.findall(r"([\d.]+) %(?:;|$)", parts)
+    assert len(found) == len(shown)
+    assert all(map(agrees, found, shown))
     speed = r" +([\d.]+ \([\d.]+\))"
     laws = re.findall(rf"^    ([\d.]+){speed}{speed} +([\d.]+)$", text, re.MULTILINE)
     assert len(laws) == len(stated["swing_range"])

@@ -27,7 +27,7 @@ UNSTATED_U = 0.01
 
 
 def read_if_stated(read: Callable[[Any], Any], value: object) -> Any:
-    """Return what `read` returns for a statement; None if nothing is stated."""
+    """Return the value that `read` gives for a statement, or None if nothing is stated."""
     return None if value is None else read(value)
 
 

@@ -71,7 +71,9 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
         which = f"   {document.recoil.which}" if symbol == "r" else ""
         yield f"{symbol:4} {row['value']} (u {row['u']}){which}"
     yield f"at {at['relative']}, {at['place']} in from the tip"
-    yield "budget of u: in certificate.html, and under the key budget of certificate.json"
+    if printed["budget"]:
+        largest = (f"{line['words']} {line['share']} %" for line in printed["budget"][:3])
+        yield f"largest parts of u²: {'; '.join(largest)}"
     if printed["choice"]:
         more = printed["choice"]
         yield f"includes {more} because the chosen impact position may not be the best one"

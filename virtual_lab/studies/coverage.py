@@ -46,7 +46,7 @@ WORDS = (
     "fewest degrees of freedom, first."
 )
 Taken = TypeVar("Taken")
-TELLING = 4.0  # width of the interval of a coverage below which it may confirm 95 % [%]
+ENOUGH = 500  # laboratories with which the interval of a coverage of 95 % is 4 % wide
 TENTHS = 10
 TENTH_DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))  # line styles of a panel's lines
 
@@ -453,7 +453,7 @@ def _row(results: Array, **about: Any) -> Coverage:
 def _answer(metric: Coverage) -> str:
     """Return whether the intervals of the metric hold, as far as the study shows."""
     low, high = 100 * metric.coverage_low, 100 * metric.coverage_high
-    answer = "as stated" if high - low < TELLING else "too few laboratories to tell"
+    answer = "as stated" if metric.laboratories >= ENOUGH else f"undecided below {ENOUGH}"
     if not low <= 95 <= high:
         answer = f"{'less' if high < 95 else 'more'} often than stated"
     return (

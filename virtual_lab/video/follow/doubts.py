@@ -58,6 +58,7 @@ def against_gravity(
         Name of the clip in the error message.
     """
     g, (coverage, share), fall = knowledge.gravity, APART, shared.value
+    # the difference of the logarithms, as for any two scales (`off_u`)
     if abs(np.log(fall / g)) * fall <= coverage * shared.u or abs(fall - g) <= share * g:
         return [], knowledge
     rate, relative_u = knowledge.rate * float(np.sqrt(g / fall)), shared.u / fall / 2
@@ -211,7 +212,7 @@ def of_camera(model: FittedFlights, drift: float, rate: float) -> list[Note]:
         notes.append(("READOUT", f"{words} {why}; check {{readout}} and {{global_shutter}}"))
     if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():
         words = "the background, which is plain or poorly coded, does not show whether the camera"
-        why = "moves; u covers only the usual drift of a hand. If it stands still, use {tripod}"
+        why = "moves; u covers only the drift of a hand-held camera. If it is fixed, use {tripod}"
         notes.append(("DRIFT_UNSEEN", f"{words} {why}"))
     return notes
 
