@@ -70,6 +70,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "impact_position_in": _M("impact position, distance from the barrel tip"),
     "bat_speed_mph": _M("speed of the bat at the impact position"),
     "batted_speed_mph": _M("speed of the batted ball in the field, v_f"),
+    "contacts": _M("number of contacts of ball and bat in one impact"),
     "slope_per_in": _M("slope of e_A along the barrel", "1/in"),
     # curves of a bat
     "against": _M("bat that is subtracted", WORDS),

@@ -75,6 +75,17 @@ def test_peaks_agree_with_the_model_on_a_fine_grid(compared: BatComparison) -> N
     assert found.place == pytest.approx(z[e_A.argmax()], abs=0.02)
 
 
+def test_a_second_contact_is_no_largest_value() -> None:
+    """On the handle of this light bat a heavy ball touches twice, and e_A is largest there."""
+    (found,) = profiles("russell-3", ball="softball-slowpitch")
+    e_A = found.table["collision_efficiency"]
+    barrel = found.table["impact_position_in"].between(4, 8)
+    value, place = found.peaks["collision_efficiency"]
+    assert e_A[barrel].max() <= value < e_A[barrel].max() + 1e-3 < e_A.max()
+    assert 4 < place < 8
+    assert "9.75, 10, 10.25" in found.text.splitlines()[-1]
+
+
 def test_the_text_begins_with_the_hardest_hitter(compared: BatComparison) -> None:
     """For each swing law, with the difference from the second bat."""
     equal, faster = compared.text.partition("\n")[0].split("; ")

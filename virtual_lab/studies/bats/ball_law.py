@@ -146,9 +146,9 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
             stiffness=stiffness,
             exponent=law.exponent,
         )
-        e_A = replace(model, law=law.make).collide(scenes).collision_efficiency
+        collisions = replace(model, law=law.make).collide(scenes)
         wall = _on_wall(law, ball.mass, speed, e0, stiffness)
-        curves.append(curves_of(scenes, e_A, r, game.pitch_speed, moving))
+        curves.append(curves_of(scenes, collisions, r, game.pitch_speed, moving))
         rows.append(
             LawRow(
                 bat=spec.name,

@@ -156,7 +156,8 @@ def profile(
     e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
     batted-ball speed. For one bat, the result has curves, modal frequencies and nodes. For several
     bats, it has four quantities of each bat: e, e_A, v_f and the bat performance factor BPF. Each
-    is the largest value up to 12 in from the tip. It also has the differences between the bats.
+    is the largest value up to 12 in from the tip where ball and bat touch once. It also has the
+    differences between the bats.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ from virtual_lab.relations.swing import (
     bat_speed,
 )
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.collision.scene import Scenes
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
 from virtual_lab.simulation.physics.beam import Beam, Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
 from virtual_lab.studies.bats.curves import draw_profile
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 CONDITIONS = "standard-2003"
-# Impact positions of the curves, from the tip [in]. Beyond 12 in a heavy ball may touch the bat
-# twice, and e_A may then be larger than on the barrel.
+# impact positions of the curves, from the tip [in]
 POSITIONS = np.arange(0.5, 12.1, 0.25)
 
 
@@ -133,9 +132,7 @@ class BatProfile(StudyResult):
     @property
     def peaks(self) -> dict[str, Peak]:
         """Largest e, BPF, e_A and v_f [mph] on the barrel, each with its position [in]."""
-        return peaks_of(
-            {name: self.table[name].to_numpy() for name in ("impact_position_in", *PEAKS)}
-        )
+        return peaks_of({str(name): column.to_numpy() for name, column in self.table.items()})
 
     @property
     def document(self) -> Json:
@@ -214,7 +211,7 @@ def profiles(
         scenes = Scenes.with_ball(
             struck, impact_position=z, relative_speed=game.pitch_speed + moving
         )
-        e_A = model.collide(scenes).collision_efficiency
+        collisions = model.collide(scenes)
         results.append(
             BatProfile(
                 bat=spec,
@@ -225,7 +222,7 @@ def profiles(
                 swing=swing,
                 reference_inertia=law.inertia_0,
                 table=with_units(
-                    pd.DataFrame(curves_of(scenes, e_A, recoil, game.pitch_speed, moving))
+                    pd.DataFrame(curves_of(scenes, collisions, recoil, game.pitch_speed, moving))
                 ),
             )
         )
@@ -233,25 +230,28 @@ def profiles(
 
 
 def curves_of(
-    scenes: Scenes, e_A: Array, recoil: Array, pitch: float, moving: Array
+    scenes: Scenes, collisions: Collisions, recoil: Array, pitch: float, moving: Array
 ) -> dict[str, Array]:
     """Return the curves along a bat, keyed by name, each of shape (position,).
 
     The names are ``impact_position_in`` (from the tip), ``restitution``, ``recoil_factor``,
-    ``collision_efficiency``, ``bat_performance_factor``, ``bat_speed_mph`` and
-    ``batted_speed_mph``.
+    ``collision_efficiency``, ``bat_performance_factor``, ``bat_speed_mph``,
+    ``batted_speed_mph`` and ``contacts``.
 
     Parameters
     ----------
     scenes
-        Collisions along the bat, with impact positions and ball-wall restitution.
-    e_A, recoil
-        Collision efficiency and recoil factor at each position, (position,).
+        Scenes along the bat, with impact positions and ball-wall restitution.
+    collisions
+        Their collisions.
+    recoil
+        Recoil factor at each position, (position,).
     pitch
         Speed of the pitched ball [m/s].
     moving
         Speed of the bat at each position, (position,) [m/s].
     """
+    e_A = collisions.collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil))
     v_f = np.asarray(batted_speed(e_A, pitch, moving))
     return {
@@ -262,6 +262,7 @@ def curves_of(
         "bat_performance_factor": np.asarray(bat_performance_factor(e, scenes.ball_restitution)),
         "bat_speed_mph": moving / MPH,
         "batted_speed_mph": v_f / MPH,
+        "contacts": collisions.contacts,
     }
 
 
@@ -272,9 +273,11 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
     batted-ball speed. `curves` is the result of `curves_of`. The keys of the result are
     ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` and ``batted_speed_mph``.
     A position is in inches from the tip. The peaks are the maxima of cubic splines through the
-    curves.
+    curves where ball and bat touch once: near the tip and on the handle a heavy ball may touch a
+    light bat twice, and e_A may then be larger than on the barrel.
     """
-    return {name: peak(curves["impact_position_in"], curves[name]) for name in PEAKS}
+    once = curves["contacts"] == 1
+    return {name: peak(curves["impact_position_in"][once], curves[name][once]) for name in PEAKS}
 
 
 @lru_cache(maxsize=16)

@@ -33,6 +33,7 @@ CURVE = {
     "bat_speed_mph": Column("bat speed", "mph", ".2f"),
     "batted_speed_mph": Column("batted-ball speed", "mph", ".2f"),
 }
+TWICE = "ball and bat touch more than once at these positions [in], which no largest value is from"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,11 +145,13 @@ def profile_text(
     (speed, fastest), (e_A, best) = (
         document["peaks"][name].values() for name in ("batted_speed_mph", "collision_efficiency")
     )
+    twice = ", ".join(f"{row['impact_position_in']:g}" for row in curve if row["contacts"] > 1)
+    repeated = f"\n\n{TWICE}: {twice}" if twice else ""
     return (
         f"{document['bat']} hits a ball up to {with_unit(speed, 'mph', '.1f')} fast, "
         f"{fastest:.1f} in from the tip; e_A is largest, {e_A:.3f}, at {best:.1f} in\n\n"
         f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n"
-        f"{table_text(curve, CURVE)}"
+        f"{table_text(curve, CURVE).rstrip()}{repeated}"
     )
 
 
