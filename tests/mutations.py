@@ -7,8 +7,8 @@ or constant, or a statement less. It writes each into a copy of the clone and ru
 files that could notice, nearest first: those that name the function, then by the length of the
 imports between test and module. A mutation is killed by the first test that fails, if this test
 passes without the mutation. It survives if all tests pass, or `LIMIT` is used up. With EARLIER.csv,
-a table of the same seed, only mutations killed there run again, and first against the test file
-that killed them.
+the mutations are instead those killed there whose line is still in the file, and each runs first
+against the test file that killed it: is a kill lost since?
 """
 
 from __future__ import annotations
@@ -209,7 +209,7 @@ def _run_tests(copy: Path, tests: Sequence[str], report: Path) -> None:
 def study(
     mutants: Sequence[Mutation], killers: dict[tuple[str, ...], str]
 ) -> Iterator[tuple[object, ...]]:
-    """Yield the row of each mutation; `killers` has the killing test of earlier rows."""
+    """Yield the row of each mutation; `killers` has the killing test by `_change`."""
     for name in LOADED:
         __import__(name)
     sound: dict[str, bool] = {"": False}
@@ -220,15 +220,8 @@ def study(
         for mutation in mutants:
             path = mutation.path.relative_to(ROOT)
             source = mutation.path.read_bytes()
-            texts = [
-                text.splitlines()[mutation.line - 1].decode().strip()
-                for text in (source, mutation.apply(source))
-            ]
-            row = (str(path), str(mutation.line), *texts)
-            if killers.get(row) == "":
-                yield (*row, "", "")
-                continue
-            tests = _near(mutation, killers.get(row, "").partition("::")[0])
+            change = _change(mutation)
+            tests = _near(mutation, killers.get(change, "").partition("::")[0])
             times, begun = (copy / path).stat(), _processor_time()
             (copy / path).write_bytes(mutation.apply(source))
             try:
@@ -243,26 +236,38 @@ def study(
             seconds = _processor_time() - begun
             if failed not in sound:
                 sound[failed] = not _first_failure(copy, [failed])
+            row = (change[0], mutation.line, *change[1:])
             yield (*row, failed if sound[failed] else "", f"{seconds:.0f}")
+
+
+def _change(mutation: Mutation) -> tuple[str, ...]:
+    """Return the file, and the line before and after, without its number."""
+    source = mutation.path.read_bytes()
+    texts = (source, mutation.apply(source))
+    lines = [text.splitlines()[mutation.line - 1].decode().strip() for text in texts]
+    return (str(mutation.path.relative_to(ROOT)), *lines)
 
 
 def main(out: str, seed: str, number: str, folder: str, *earlier: str) -> None:
     """Write the table, a row per mutation, and print how many were killed."""
     paths = sorted((ROOT / folder).rglob("*.py"))
     every = [each for path in paths if "docs" not in path.parts for each in mutations(path)]
-    killers = {}
+    killers: dict[tuple[str, ...], str] = {}
     if earlier:
         with open(earlier[-1], encoding="utf-8", newline="") as file:
-            killers = {tuple(row[:4]): row[4] for row in csv.reader(file)}
+            killers = {(row[0], *row[2:4]): row[4] for row in csv.reader(file) if row[4]}
+        chosen = list({_change(each): each for each in every if _change(each) in killers}.values())
+    else:
+        chosen = random.Random(int(seed)).sample(every, int(number))
     killed = 0
     with open(out, "w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(HEADER)
-        for row in study(random.Random(int(seed)).sample(every, int(number)), killers):
+        for row in study(chosen, killers):
             table.writerow(row)
             file.flush()
             killed += bool(row[4])
-    print(f"{killed} of {number} killed, seed {seed}, {len(every)} mutations in {folder}")
+    print(f"{killed} of {len(chosen)} killed, seed {seed}, {len(every)} mutations in {folder}")
 
 
 if __name__ == "__main__":
