@@ -106,7 +106,7 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     rules = catalog.read(session.procedure_text, procedure, Procedure).spec
     yield f"# The form of a test by {procedure}: {rules.title}."
     yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
-    yield '# Tables may have other units, names and shapes, see the page "Forms".'
+    yield '# Tables may have other numbers of rows, units, names and shapes: see the page "Forms".'
     yield ""
     yield f'laboratory = "{BLANK}"'
     for key in ("customer", "date"):
