@@ -38,6 +38,21 @@ def test_a_missing_time_is_that_of_the_frame(stated: range | None, tmp_path: Pat
     np.testing.assert_allclose(flight.t, 50 * times, atol=1e-9)
 
 
+@pytest.mark.parametrize(("radius", "refused"), [(2.0, False), (0, True), (-1, True), (None, True)])
+def test_a_radius_is_above_zero(radius: float | None, refused: bool, tmp_path: Path) -> None:
+    """One row has a radius and the others have none, which is allowed if it is above 0."""
+    np.save(tmp_path / "clip.npy", np.zeros((6, 8, 8), np.uint8))
+    clip = open_clip(tmp_path / "clip.npy", ClipCalibration(frames_per_second=50.0))
+    rows = pd.DataFrame({"frame": range(6), "x_px": 3.0, "y_px": 4.0, "flight": 1})
+    rows["radius_px"] = [radius, *5 * [None]]
+    rows.to_csv(tmp_path / "track.csv", index=False)
+    if refused:
+        with pytest.raises(InputError, match=r"track\.csv: radius_px = .*; allowed: above 0"):
+            read_track(tmp_path / "track.csv", clip)
+    else:
+        assert read_track(tmp_path / "track.csv", clip)[0]["radius"].tolist() == 6 * [2.0]
+
+
 @pytest.mark.parametrize(("right", "refused"), [(20, False), (1, False), (0, True)])
 def test_positions_need_an_object_that_moves_in_the_same_frame(right: int, refused: bool) -> None:
     """20 positions are up to 0.9 radii off a moving object; the others are 1.1 radii off it.
@@ -58,5 +73,7 @@ def test_positions_need_an_object_that_moves_in_the_same_frame(right: int, refus
     if refused:
         with pytest.raises(InputError, match=r"^corrected; none of its 20 positions"):
             require_moving_object(blobs, [rows[:9], rows[9:]])
+        with pytest.raises(InputError, match=r"none of its 0 positions in flights \(5 or more\)"):
+            require_moving_object(blobs, [])
     else:
         require_moving_object(blobs, [rows[:9], rows[9:]])

@@ -61,8 +61,8 @@ def read_track(path: Path, clip: Clip) -> list[Blobs]:
         rows[name] = column(f"{name}_px")
         rows[f"picture_{name}"] = rows[name] + column(f"drift_{name}_px", otherwise=0.0)
     radius = column("radius_px", otherwise=np.nan)
-    if np.isnan(radius).all():
-        raise InputError(str(path), "radius_px", None, "at least one position needs a radius")
+    if not (least := float(np.fmin.reduce(radius))) > 0:
+        raise InputError(str(path), "radius_px", least, "allowed: above 0; empty in some rows")
     rows["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
     # edge and contrast [DN] of a usual ball, if the clip shows none
     rows["length"], rows["edge"], rows["contrast"] = rows["radius"], 0.1 * rows["radius"], 80.0
@@ -87,8 +87,8 @@ def require_moving_object(blobs: Blobs, flights: Sequence[Blobs]) -> None:
     rows = np.concatenate([blobs[:0], *flights])
     right, down, late = (np.subtract.outer(rows[n], blobs[n]) for n in (*PLACE[3:], "frame"))
     near = (np.hypot(right, down) < rows["radius"][:, None]) & (late == 0)
-    if len(rows) and not near.any():
-        words = f"none of its {len(rows)} positions is on an object that moves in this clip"
+    if not near.any():
+        words = f"none of its {len(rows)} positions in flights (5 or more) is on a moving object"
         raise InputError("", "{corrected}", None, f"{words}; allowed: a track of this clip")
 
 
