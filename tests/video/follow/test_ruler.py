@@ -283,6 +283,20 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
     assert f"the air takes {100 * levelled.drag_per_m.value:.4f} (u 0." in track_text(levelled)
 
 
+def test_stated_times_are_converted_to_frames_by_a_fitted_rate(followed: Followed) -> None:
+    """A file plays 60 frames per second at 15. A readout of 10 ms is 0.6 frames, not 0.15."""
+    _, result = followed("flat")
+    times = {"readout": 0.010, "readout_u": 0.001, "exposure": 0.005}
+    slow = again(result, rate=15.0, rate_of="file", **times)
+    assert "RATE_FITTED" in slow.flags
+    scene = slow.scene
+    assert [scene.readout, scene.readout_u, scene.exposure] == pytest.approx(
+        [0.6, 0.06, 0.3], rel=0.05
+    )
+    # The film has a global shutter. The warning states the same time as the user.
+    assert "would fit better than 10 ms" in " ".join(again(slow, readout_u=0.0).warnings)
+
+
 def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed) -> None:
     """For 73 mm ± 7 mm, the u of the diameter is added in squares."""
     _, result = followed("flat")

@@ -224,7 +224,8 @@ def measure(
             u = float(np.hypot(shared.u, shared.value * rest_u))
             off, fitted = against_gravity(knowledge, replace(shared, u=u), size, where)
             if fitted is not knowledge:
-                return measure(clip, watched, fitted, search, earlier=[*earlier, *off])
+                found = replace(search, scene=replace(search.scene, **fitted.in_frames))
+                return measure(clip, watched, fitted, found, earlier=[*earlier, *off])
             against += off
         flights = _flights(model, alone, contacts, scale, step)
         per_m = {"unit": 1 / scale.metres_per_pixel, "relative_u": scale.relative_u}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,12 @@ class ClipKnowledge:
     by_hand: list[Blobs] | None = None
     # calibration of a camera with which the ball is located sharply; empty if there is none
     calibration: ClipCalibration = field(default_factory=ClipCalibration)
+
+    @property
+    def in_frames(self) -> dict[str, Any]:
+        """Exposure time, readout time and its u, in frames; None if unknown."""
+        times = {each: getattr(self, each) for each in ("exposure", "readout", "readout_u")}
+        return {name: value and value * self.rate for name, value in times.items()}
 
 
 def frames_are(frames: Sequence[int]) -> str:

@@ -89,15 +89,13 @@ def clip_scene(
         time=np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped),
         stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
-        exposure=knowledge.exposure and knowledge.exposure * knowledge.rate,
         fall=fall,
         drag=(drag[0] * length, drag[1] * length) if drag and length else None,
         in_radii=knowledge.metres_per_pixel is None,
         pull=pull,
         level_u=knowledge.level_u,
-        readout=knowledge.readout and knowledge.readout * knowledge.rate,
-        readout_u=knowledge.readout_u * knowledge.rate,
         readout_axis=knowledge.readout_axis,
+        **knowledge.in_frames,
     )
 
 
