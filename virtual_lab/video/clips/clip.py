@@ -120,8 +120,7 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
 def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
     """Read a clip once. The samples are evenly spaced if the file states its length correctly."""
     room, deep = MEMORY.most_bytes / first.nbytes, first.dtype != np.uint8
-    most_sampled = MEMORY.most_sampled / first.nbytes
-    count = int(np.clip(most_sampled, MEMORY.least_samples, MEMORY.samples))
+    count = int(np.clip(MEMORY.most_sampled / first.nbytes, MEMORY.least_samples, MEMORY.samples))
     most, every = room, 1
     if not 0 < source.declared <= room:
         most, every = 2 * count, max(1, -(-source.declared // count))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -91,8 +90,7 @@ def contacts_of(
         if long_enough and kind != "other":
             ratio, flag, why = _restitution(model, k, t, normal, kind, sharp is not None)
             if flag:
-                words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
-                notes.append((flag, words))
+                notes.append((flag, f"contact at frame {frame:.1f}: {why}; no restitution stated"))
         place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
         metres = scale.metres_per_pixel * place
         if sharp:  # the fit is in the plane of the ball
@@ -100,7 +98,8 @@ def contacts_of(
         else:  # in the still frame, where a camera that turns does not see the same position
             last = scene.blobs[one.blobs[-1]]
             place = place - one.xy[-1] + np.array([last["x"], last["y"]])
-        ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
+        nearest = [lambda f, axis=axis: f.meeting(k, t)[..., axis] for axis in (0, 1)]  # noqa: B023
+        ends = [estimate_of(each, fit, others).u for each in nearest]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
         contacts.append(
             Contact(
@@ -115,18 +114,12 @@ def contacts_of(
                 metres_u=float(np.hypot(place_u, scale.relative_u * np.hypot(*metres))),
             )
         )
-    met = {each.before for each in contacts}
-    for k in set(range(len(ways) - 1)) - met:
+    for k in {*range(len(ways) - 1)} - {each.before for each in contacts}:
         end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
         words = f"flights {k + 1} and {k + 2} do not meet between {end:.4g} and {start:.4g} ms,"
         why = "where one ends and the other begins, so no contact is stated"
         notes.append(("CONTACT_OUTSIDE", f"{words} {why}"))
     return contacts, notes
-
-
-def _place(axis: int, first: int, t: float, fit: Fit) -> Array:
-    """Return the coordinate, along an axis, of the nearest approach of two flights [pixels]."""
-    return np.asarray(fit.meeting(first, t)[..., axis])
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:

@@ -139,8 +139,7 @@ def track_document(track: FollowedClip) -> Row:
         "warnings": track.warnings,
     }
     text = json.dumps(document, default=lambda each: {"value": each.value, "u": each.u})
-    plain: Row = json.loads(text)
-    return plain
+    return dict(json.loads(text))
 
 
 def _contact(contact: Contact) -> Row:
@@ -252,8 +251,9 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
     for each in track.checks:
         ratio, apart_u = 1e3 * each.metres_per_pixel / size - 1, np.hypot(u, each.relative_u)
         said += f"; the scale from {SAID[each.source]} differs by {100 * ratio:+.2g} % (u of the "
-        said += f"difference {100 * apart_u:.2g} %, "
-        said += f"a difference of {abs(off_u(scale, each)):.1f} u)"
+        said += (
+            f"difference {100 * apart_u:.2g} %, a difference of {abs(off_u(scale, each)):.1f} u)"
+        )
     if (drag := track.drag_per_m) and drag.value > 2 * drag.u:
         percent = with_uncertainty(100 * drag.value, 100 * drag.u)
         said += f"; the air takes {percent} % of the speed per meter"
