@@ -34,7 +34,9 @@ DRIFT_MATTERS = 0.002  # largest tolerated hidden drift [share of a flight's spe
 APART = (3.0, 0.04)
 # acceleration beyond which the frame rate must be wrong [g], because no ball's size is that wrong
 ABSURD = 3.0
-DIAMETERS = (5e-3, 1.0)  # possible diameters of a ball [m]
+# limits of a ball's diameter [m]: an error outside the outer two, a doubt outside the inner two,
+# between which are the balls of sports
+DIAMETERS = (5e-3, 0.025, 0.26, 1.0)
 
 
 def against_gravity(
@@ -81,19 +83,26 @@ def against_gravity(
     return [("GRAVITY", f"{words} {why}")], knowledge
 
 
-def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:
-    """Raise `InputError` if the diameter of the ball is outside `DIAMETERS`.
+def of_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> list[Note]:
+    """Return a note on the diameter of the ball; its flag is set if no ball of a sport has it.
 
-    The diameter is computed from the radius in the picture and from `scale`, which was found from
-    gravity. No real ball has a diameter outside this range. The frame rate `rate` [1/s] must then
-    be wrong.
+    The diameter follows from the radius in the picture and from `scale`, which was found from
+    gravity, so it shows a wrong frame rate `rate` [1/s]. Slow motion is usually slower by a power
+    of 2. The note states the rate by which the ball has about the size of a tennis ball.
+
+    Raises `InputError` if no ball at all has this diameter.
     """
+    least, small, large, most = DIAMETERS
     diameter = 2 * scale.metres_per_pixel * float(np.median([each.radius for each in ways]))
-    least, most = DIAMETERS
+    words = f"by gravity the ball has a diameter of {1e3 * diameter:.0f} mm"
+    if small <= diameter <= large:
+        return [("", words)]
+    factor = 2.0 ** round(np.log2(diameter / 0.07) / 2)
+    size = 1e3 * diameter / factor**2
+    cure = f"wrong frame rate (slow motion)? {{fps={factor * rate:.4g}}} gives {size:.0f} mm"
     if not least <= diameter <= most:
-        words = f"by gravity the ball would have a diameter of {1e3 * diameter:.4g} mm"
-        allowed = f"{words}; {{fps={rate * np.sqrt(diameter / 0.07):.3g}}} gives 70 mm"
-        raise InputError(where, "frames per second", f"{rate:.6g}", allowed)
+        raise InputError(where, "frames per second", f"{rate:.6g}", f"{words}; {cure}")
+    return [("BALL_SIZE", f"{words}; {cure}. If the size is right, state {{ball}}")]
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:

@@ -24,9 +24,9 @@ from virtual_lab.video.follow.doubts import (
     against_gravity,
     against_size,
     of_camera,
+    of_diameter,
     of_drag,
     of_positions,
-    require_diameter,
 )
 from virtual_lab.video.follow.flights import REST, falls_freely
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
@@ -215,7 +215,7 @@ def measure(
         contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size is None:
-            require_diameter(scale, ways, knowledge.rate, where)
+            against += of_diameter(scale, ways, knowledge.rate, where)
         alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp and scene.pull is None:
             shared, alone[:] = _falls(model, size, step)
