@@ -204,8 +204,9 @@ def track(
         Mass of the ball in g, kg or oz, for example ``145g``. It is used to compute the drag, and
         replaces the mass of the type of ball.
     fps
-        Frames per second of real time, including repeated frames. By default the frame rate in the
-        file. If this rate contradicts g, the rate is computed from the fall of the ball.
+        Frames per second of real time, including repeated frames; for slow motion, the rate with
+        which it was filmed. By default the frame rate in the file. If this rate contradicts g, the
+        rate is computed from the fall of the ball.
     exposure
         Exposure time of a frame, for example ``1/120`` or ``8ms``. With a calibration file, the
         exposure time must be stated here or in the calibration file.
@@ -225,14 +226,15 @@ def track(
         Source of the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size of
         the ``ball``. By default the source with the smaller uncertainty.
     readout
-        Readout time of a rolling shutter for one frame, for example ``16ms`` or ``16ms±2ms``.
+        Readout time of a rolling shutter for one frame, at most 1/fps, for example ``16ms`` or
+        ``16ms±2ms``.
     global_shutter
         The shutter is global: all rows are exposed at once. That of a phone is not; stated as
         global, its speeds may be off by 10 %.
     phone
-        Clip of an ordinary phone: the frame rate of the file is correct unless `fps` is given, the
-        shutter may roll, and the size of the ball is known to 1 % unless its u is given. Warnings
-        about these assumptions are omitted.
+        Clip of an ordinary phone: the frame rate of the file is correct unless `fps` is given (for
+        slow motion, give it), the shutter may roll, and the size of the ball is known to 1 % unless
+        its u is given. Warnings about these assumptions are omitted.
     tripod
         The camera does not move.
     level

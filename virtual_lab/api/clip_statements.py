@@ -225,10 +225,10 @@ BallOrDiameter = Annotated[
 ]
 StatedMass = Annotated[str, _text(read_mass, "a mass with its unit, e.g. '145g'", "MASS")]
 Duration = Annotated[
-    str, _text(read_seconds, "a time with its unit, up to 1 s, e.g. '8ms' or '1/120'", "TIME")
+    str, _text(read_seconds, "a time with its unit, 0 to 1 s, e.g. '8ms' or '1/120'", "TIME")
 ]
 ReadoutTime = Annotated[
-    str, _text(readout_keys, "a time with its unit, up to 1 s, e.g. '16ms' or '16ms±2ms'", "TIME")
+    str, _text(readout_keys, "a time with its unit, 0 to 1 s, e.g. '16ms' or '16ms±2ms'", "TIME")
 ]
 FrameRange = Annotated[str, _text(read_frames, "first:last, e.g. '17:52'", "FIRST:LAST")]
 PictureRegion = Annotated[
