@@ -147,9 +147,12 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
         "frames": first < clip.count - 1,
         "region": left < columns and top < rows,
         "ball_at": 0 <= x < columns and 0 <= y < rows and 0 <= frame < clip.count,
+        # A file may store every frame twice, which is not known yet.
+        "readout": (knowledge.readout or 0.0) * knowledge.rate <= 2,
     }
     for name in (each for each in within if not within[each]):
         allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
+        allowed += f", the duration of a frame {1 / knowledge.rate:.3g} s"
         raise InputError(str(clip.source.path), f"{{{name}}}", said[name], allowed)
     return knowledge
 
