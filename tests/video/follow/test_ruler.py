@@ -314,7 +314,10 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
     assert tilted.scale.relative_u > levelled.scale.relative_u
     assert levelled.drag_per_m is not None
     assert levelled.drag_per_m.value == pytest.approx(slowing, rel=0.05)
-    assert f"the air takes {100 * levelled.drag_per_m.value:.4f} (u 0." in track_text(levelled)
+    text = track_text(levelled)
+    assert f"the air takes {100 * levelled.drag_per_m.value:.4f} (u 0." in text
+    mass = float(text.partition("as of a ball of ")[2].split()[0])  # g
+    assert mass == pytest.approx(730e3 * np.pi / 6 * 0.073**3, rel=0.1)
 
 
 def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed) -> None:

@@ -12,13 +12,14 @@ import numpy as np
 from virtual_lab.errors import worded
 from virtual_lab.files.column_units import name_of_u
 from virtual_lab.output.rounding import expanded, with_uncertainty
+from virtual_lab.relations.flight import drag_rate
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.following import Flight, FollowedClip
 from virtual_lab.video.follow.knowledge import GRAVITY, frames_are
-from virtual_lab.video.follow.ruler import SAID, off_u
+from virtual_lab.video.follow.ruler import DRAG_COEFFICIENT, SAID, off_u
 from virtual_lab.video.show.course import course_of, course_table
 
 if TYPE_CHECKING:
@@ -251,12 +252,15 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
     for each in track.checks:
         ratio, apart_u = 1e3 * each.metres_per_pixel / size - 1, np.hypot(u, each.relative_u)
         said += f"; the scale from {SAID[each.source]} differs by {100 * ratio:+.2g} % (u of the "
-        said += (
-            f"difference {100 * apart_u:.2g} %, a difference of {abs(off_u(scale, each)):.1f} u)"
-        )
+        said += f"difference {100 * apart_u:.2g} %, "
+        said += f"a difference of {abs(off_u(scale, each)):.1f} u)"
     if (drag := track.drag_per_m) and drag.value > 2 * drag.u:
         percent = with_uncertainty(100 * drag.value, 100 * drag.u)
-        said += f"; the air takes {percent} % of the speed per meter"
+        radius = scale.metres_per_pixel * float(np.median([each.radius for each in track.ways]))
+        # the drag rate is inversely proportional to the mass
+        grams = 1e3 * float(drag_rate(1.2, DRAG_COEFFICIENT, radius, drag.value))
+        mass = with_uncertainty(grams, grams * drag.u / drag.value)
+        said += f"; the air takes {percent} % of the speed per meter, as of a ball of {mass} g"
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:
         side = "right" if roll > 0 else "left"
