@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 WORDS = (
     "Error: measured minus true value. 95 % interval of the percentage: Clopper-Pearson. SI: unit\n"
     "of the quantity, 1 or m/s. Tenths of the laboratories: those with the smallest u, or the\n"
-    "fewest degrees of freedom, first."
+    "fewest degrees of freedom, first. Bias expected of the method: computed from the curvature\n"
+    "of the formulas and of the metric along the barrel, and from the choice of a position."
 )
 Taken = TypeVar("Taken")
 ENOUGH = 500  # laboratories with which the interval of a coverage of 95 % is 4 % wide
@@ -94,7 +95,7 @@ class Coverage:
     rms_u: float = column("rms of the stated u", "SI", ".4g")
     bias: float = column("bias (mean error)", "SI", "+.2e")
     bias_se: float = column("  its standard error", "SI", ".1e")
-    expected_bias: float = column("expected bias", "SI", "+.2e")
+    expected_bias: float = column("bias expected of the method", "SI", "+.2e")
     expected_bias_se: float | None = column("  its standard error", "SI", ".1e")
 
 
