@@ -9,9 +9,10 @@ import pytest
 from scipy import stats
 
 import virtual_lab as vl
+from virtual_lab.lab import RoundRobin
 from virtual_lab.output.progress import quiet
 from virtual_lab.studies import operating
-from virtual_lab.studies.operating import POINTS, _acceptance
+from virtual_lab.studies.operating import POINTS, _acceptance, _other_rules
 
 LABORATORIES, FEW = 40, 3
 TIGHT = vl.procedure("astm-f1881").with_(attempts=6)  # one rejected hit makes a test INVALID
@@ -64,6 +65,7 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
         passed = (valid & (row.true_value + tests["error"] <= 1.2)).sum()
         assert row.pass_probability == pytest.approx(passed / LABORATORIES)
         assert row.pass_probability_if_valid == pytest.approx(passed / valid.sum())
+        assert row.invalid_probability == pytest.approx(1 - valid.mean())
         assert row.pass_probability_low <= row.pass_probability <= row.pass_probability_high
     chances = [row.pass_probability for row in rows]
     assert chances == sorted(chances, reverse=True)
@@ -74,14 +76,14 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
     """Each share has half its Clopper-Pearson interval; of three laboratories, to first order."""
     answer = found.text.split("Probability of PASS by ")[1]
     assert answer.startswith(f"{TIGHT.name}, with the limit 1.2")
-    first = found.text.partition("\n")[0].partition("; ")[0]
-    assert first.startswith(
-        f"A bat at the limit of {TIGHT.name} passes one test with a probability of"
-    )
+    title, first, second = re.split(r"ability of |(?<=%\)), ", found.text.partition("\n")[0])
+    assert title.startswith("A bat at the limit passes one test with")
+    assert f" % by {TIGHT.name} (INVALID: " in first
+    assert " % by astm-f1881 (valid_hits=24, attempts=72) (INVALID: " in second
     chances = [100 * row.pass_probability for row in answers(found, 1)]
     assert re.findall(r"([\d.]+) ± ", first) == [f"{chances[0]:.1f}"]
     assert chances[-1] == 0
-    assert first.endswith("5 % over it with < 8.8 %")  # 1 - 0.025 ** (1 / 40)
+    assert "+5.0 %          < 8.8 %" in answer  # 1 - 0.025 ** (1 / 40)
     for one, best in zip(answers(found, 1), answers(found, 3), strict=True):
         p = one.pass_probability
         band = stats.binomtest(round(p * LABORATORIES), LABORATORIES).proportion_ci()
@@ -107,7 +109,7 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
         assert np.interp(end, true, shares) == pytest.approx(share, abs=0.03)
     at_limit = answers(found, 1)[0]
     invalid = 1 - at_limit.pass_probability / at_limit.pass_probability_if_valid
-    assert f" % ({100 * invalid:.0f} % INVALID), 5 % over it" in first
+    assert f"(INVALID: {100 * invalid:.0f} %)" in first
     assert invalid > 0.1
 
 
@@ -165,8 +167,12 @@ def test_picture_and_table_are_saved(found, tmp_path: Path) -> None:
     assert len(found.table) == 2 * 2 * (POINTS + 3)
     rows = found.table[["procedure", "best_of", "true_value"]]
     assert not rows.duplicated().any()
+    assert (found.table["true_value"] == found.table["limit"]).sum() == 2 * 2
     few, many = found.plot().axes
     assert few.get_xlim() == many.get_xlim()
+    drawn = {line.get_label(): line.get_ydata() for line in few.lines}
+    invalid = [row.invalid_probability for row in curve(found, 1)]
+    assert list(drawn["INVALID, one test"]) == invalid
     assert list(found.limits.values()) == [1.2, 1.2]
 
 
@@ -204,5 +210,18 @@ def test_a_row_has_the_errors_of_a_bat_with_its_metric(wood) -> None:
 
 
 def test_the_limit_applies_to_an_exempt_bat_which_the_text_says(wood) -> None:
-    assert "r161 by bbcor: no test required: one-piece wood" in wood.text
+    assert "nominal r161 is MEASURED whatever its metric:\nno test required: one" in wood.text
     assert {row.true_value > 0.5 for row in wood} == {True, False}
+
+
+@pytest.mark.parametrize(("procedure", "unmet"), [("bbcor", 1), ("astm-f1881", 0)])
+def test_the_text_names_rules_that_the_bat_fails_whatever_its_metric(
+    procedure: str, unmet: int
+) -> None:
+    """The text has a sentence of the certificate, and none by a procedure without such rules."""
+    text = "".join(_other_rules(RoundRobin.of("ea70", procedure), 1))
+    findings = vl.certify("ea70", procedure=procedure, seed=3).document["findings"]
+    failed = [each["sentence"].partition(" 3.0")[0] for each in findings if not each["met"]]
+    assert len(failed) == unmet == text.count("nominal ea70 is FAIL whatever its metric")
+    assert all(each in text for each in failed)
+    assert text.count("allowed up to") == unmet  # not of rules that the bat meets

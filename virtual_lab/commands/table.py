@@ -115,11 +115,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
             output=Output(table=True, frame="", answer=_answer_sweep),
         ),
         Command("coverage", example="r161 --summed --laboratories 20"),
-        Command(
-            "operating",
-            question="Who passes by chance?",
-            example="ea70 --procedure bbcor --laboratories 20",
-        ),
+        Command("operating", question="Who passes by chance?", example="ea70 --laboratories 20"),
         Command("interlab", example="laboratories.toml --predict"),
         Command("bias", example="--procedure bbcor", options=("procedure",)),
         Command("faults", example="gate-moved --laboratories 2"),

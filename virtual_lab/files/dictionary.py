@@ -121,6 +121,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     # probability of PASS
     "best_of": _M("number of tests of which one must pass", WORDS),
     "errors_of": _M("simulated bat whose errors the row has", WORDS),
+    "invalid_probability": _M("probability that none of these tests is valid"),
     "pass_probability": _M("probability of PASS"),
     "pass_probability_if_valid": _M("probability of PASS of tests that are not INVALID"),
     # bats ranked by a procedure and in the field

@@ -20,7 +20,7 @@ import numpy as np
 from virtual_lab.catalog.specs import BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin
-from virtual_lab.measurement.procedure import exemption
+from virtual_lab.measurement.procedure import exemption, unmet_rules
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -69,6 +69,9 @@ class OperatingPoint:
     true_value: float = column("true metric x", form=".4f")
     tests: int
     errors_of: str = column("errors of", form="")  # the simulated bat
+    limit: float
+    # probability that none of the tests is valid
+    invalid_probability: float = column("INVALID", form=".1%")
     pass_probability: float = column("PASS", form=".1%")
     pass_probability_low: float = column("  at least", form=".1%")
     pass_probability_high: float = column("  at most", form=".1%")
@@ -78,6 +81,8 @@ class OperatingPoint:
 
 
 CHANCES = [each.name for each in fields(OperatingPoint) if each.name.startswith("pass_")]
+DRAWN = ("true_value", "invalid_probability", *CHANCES[:3])
+LABELS = {1: "one test", 3: "best of 3 tests of one laboratory"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -100,26 +105,22 @@ class OperatingCurves(Rows[OperatingPoint]):
             same = len({row.metric for row in self.rows}) == 1
             panels = figure.subplots(len(self.limits), 1, squeeze=False, sharex=same).ravel()
             for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
-                for best_of, line in zip(TESTS, ("-", "--"), strict=True):
+                for best_of, line in zip(TESTS[::-1], ("--", "-"), strict=True):
                     points = [
                         r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)
                     ][:POINTS]
-                    keys = ("", "_low", "_high")
-                    true = [row.true_value for row in points]
-                    passes, low, high = np.array(
-                        [[getattr(row, f"pass_probability{key}") for key in keys] for row in points]
-                    ).T
-                    axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
-                    words = (
-                        "one test" if best_of == 1 else f"best of {best_of} tests of one laboratory"
+                    true, invalid, passes, low, high = np.transpose(
+                        [[getattr(row, key) for key in DRAWN] for row in points]
                     )
-                    axes.plot(true, passes, line, color="black", label=words)
+                    axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
+                    axes.plot(true, passes, line, color="black", label=f"PASS, {LABELS[best_of]}")
+                axes.plot(true, invalid, ":", color="black", label=f"INVALID, {LABELS[1]}")
                 axes.axvline(limit, color="0.5", linewidth=0.6)
                 words = "vertical line: limit; gray: 95 % interval of the simulation"
                 axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}; {words}")
                 axes.set(
                     xlabel=with_axis_unit(f"true {points[0].metric}", points[0].unit),
-                    ylabel="probability of PASS",
+                    ylabel="probability",
                 )
                 axes.legend()
         return figure
@@ -145,9 +146,10 @@ def operating(
     For each true metric a variant of the bat is simulated that has this metric. A wood bat gets
     another modulus of elasticity. A hollow bat gets a thinner wall for a larger metric, and a
     higher hoop frequency for a smaller one. If no variant has the metric, the errors of the named
-    bat are added to it. The column `errors of` names the simulated bat. The limit applies whatever
-    the construction of the bat, also if the procedure requires no test of it. To save time, the
-    instruments record only summary values, not every gate edge and encoder count.
+    bat are added to it. The column `errors of` names the simulated bat. Only the metric is compared
+    with its limit. Rules for weight, length, diameter, moment of inertia and construction of a bat
+    are ignored. To save time, the instruments record only summary values, not every gate edge and
+    encoder count.
 
     Parameters
     ----------
@@ -197,7 +199,6 @@ def operating(
         total = POINTS + len(OVER) + len(true)
         variants = _Variants(round_robin, laboratories, seed, total, progress)
         errors, valid, _ = variants.errors(rules.metric_limit)
-        invalid = 1 - float(valid[:, 0].mean())
         printed = METRICS[rules.metric]
         limits[rules.name] = printed.in_unit(rules.metric_limit)
         results = printed.in_unit(rules.metric_limit + np.where(valid, errors, np.inf))
@@ -223,6 +224,8 @@ def operating(
                         true_value=printed.in_unit(float(x)),
                         tests=laboratories * best_of,
                         errors_of=errors_of,
+                        limit=limits[rules.name],
+                        invalid_probability=1 - valid_laboratories / laboratories,
                         **dict(zip(CHANCES, chances, strict=True)),
                     )
                 )
@@ -230,18 +233,12 @@ def operating(
         one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
         answers.append(_answers(one, best, limits[rules.name], accepted))
         answers.extend(_decided_by_chance(rows[-2 * count :][:POINTS]))
-        at_limit, *_, over_it = (_best_of(1, row) for row in one[: len(OVER)])
-        titles.append(
-            f"A bat at the limit of {rules.name} passes one test with a probability of {at_limit} "
-            f"({100 * invalid:.0f} % INVALID), {100 * (OVER[-1] - 1):.0f} % over it with {over_it}"
-        )
-        bat_spec = round_robin.setup.bat.spec
-        if exempt := exemption(rules, bat_spec.construction or ""):
-            words = f"{bat_spec.name} by {rules.name}: {exempt}"
-            answers.append(f"{words}; here it is compared with the limit all the same.")
+        invalid = f"INVALID: {100 * one[0].invalid_probability:.0f} %"
+        titles.append(f"{_best_of(1, one[0])} by {rules.name} ({invalid})")
+        answers.extend(_other_rules(round_robin, seed))
     return OperatingCurves(
         name="operating",
-        title="; ".join(titles),
+        title=f"A bat at the limit passes one test with a probability of {', '.join(titles)}",
         rows=[*dict.fromkeys(rows)],  # the curve and the answers have the limit
         words="\n\n".join((WORDS, *answers)),
         limits=limits,
@@ -294,6 +291,20 @@ def _decided_by_chance(curve: Sequence[OperatingPoint]) -> Iterator[str]:
         yield (
             f"Chance decides between a true {curve[0].metric} of {low} and {high}: of the valid\n"
             f"tests of a bat, {most} pass at the first and {least} at the second."
+        )
+
+
+def _other_rules(round_robin: RoundRobin, seed: int) -> Iterator[str]:
+    """Yield why the verdict of the nominal bat does not depend on its metric, if so."""
+    certified = next(round_robin.blocks(1, seed)).certified
+    rules, bat = certified.procedure, round_robin.setup.bat.spec
+    exempt = exemption(rules, bat.construction or "")
+    reasons = unmet_rules(rules, certified.reduced.preparation.bat, np.array([nan]), exempt)
+    if unmet := [each for each in reasons if each.where[0]]:
+        yield (
+            f"Here only the metric decides. By {rules.name} the verdict of the nominal {bat.name} "
+            f"is {unmet[0].verdict.value} whatever its metric:\n"
+            f"{'; '.join(each.sentence(0) for each in unmet)}."
         )
 
 
