@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -15,6 +16,7 @@ from virtual_lab import api, catalog, lab
 from virtual_lab.api.describing import describe
 from virtual_lab.bench.entrance.review import summary
 from virtual_lab.cli import cli
+from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.session import load_session
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Reality
@@ -324,6 +326,18 @@ def test_recovered_hits_scatter_as_those_of_the_tester(
     assert ours.remark.count(f"rms {np.sqrt(np.mean(u**2)):.5g} ") == 4
     ratio = rms_u(tmp_path / "ours", "astm-f1881") / rms_u(tester, "astm-f1881")
     assert ratio == pytest.approx(1, abs=0.12)
+
+
+def test_simulated_tests_have_the_hits_of_the_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rms of u is that of tests with 24 hits, also if the rules require only six."""
+    monkeypatch.setattr(ball, "LUCK", "{1} {2}")
+    rules = vl.procedure("astm-f1881")
+    many = vl.certify("r161", procedure=rules.with_(valid_hits=24, attempts=72), seed=4)
+    session = replace(many.certification.session, procedure_text=rules.text)
+    (remark,) = ball.ball_of_tests([certify_session(session)])[2]
+    u, rms = map(float, remark.split()[:2])
+    assert u == pytest.approx(many.certification.metric.u)
+    assert rms == pytest.approx(u, rel=0.12)  # with six hits 1.4 times larger
 
 
 def test_hits_near_the_best_position_of_a_scan_show_the_scatter_too() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from math import sqrt
+from math import ceil, sqrt
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.session import Session
-from virtual_lab.sheets import toml_text
+from virtual_lab.sheets import Sheet, toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.studies.own_laboratory.rig_sheets import (
     Document,
@@ -67,17 +67,36 @@ def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, li
         for place, each in scatters.items()
     }
     entered = enter_numbers(document, shown)
-    sample = sample_of_tests(write_numbers(document, entered, "trial"), bat, rules, SEED)
-    u, printed = sample.u[sample.has_result], METRICS[rules.spec.metric]
-    rms = printed.in_unit(float(np.sqrt(np.mean(u**2))))
+    trial, printed = write_numbers(document, entered, "trial"), METRICS[rules.spec.metric]
+    simulated = {
+        hits: sample_of_tests(trial, bat, _with_hits(rules, hits), SEED)
+        for hits in {_hits_of(test) for test in tests if test.metric is not None}
+    }
     remarks = [remark for place, each in places.items() for remark in _differing_days(place, each)]
     for test in tests:
         if test.metric is not None:
+            sample = simulated[_hits_of(test)]
+            u = sample.u[sample.has_result]
+            rms = printed.in_unit(float(np.sqrt(np.mean(u**2))))
             share = float(np.mean(u < test.metric.u))
             name = f"{test.session.bat} by {rules.spec.name}"
             words = LUCK.format(name, printed.in_unit(test.metric.u), rms, 100 * share)
             remarks.append(f"{words}{LUCKY_WORDS if share < LUCKY else ''}")
     return ball, numbers | entered, remarks
+
+
+def _hits_of(test: Certification) -> int:
+    """Return the number of hits per position, those of the test if it has a single position."""
+    rules = test.procedure
+    return rules.valid_hits if rules.scan else int(test.hit_weights.used.sum())
+
+
+def _with_hits(rules: Entry[Procedure], hits: int) -> Entry[Procedure]:
+    """Return a procedure with another number of hits per position, and attempts in proportion."""
+    spec = rules.spec
+    attempts = ceil(spec.attempts * hits / spec.valid_hits)
+    sheet = Sheet("procedures", spec.name, rules.text).with_(valid_hits=hits, attempts=attempts)
+    return catalog.read(sheet.text, sheet.name, Procedure)
 
 
 def _differing_days(place: str, days: Sequence[StandardDeviation]) -> list[str]:

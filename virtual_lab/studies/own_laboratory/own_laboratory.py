@@ -131,9 +131,10 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
     They are those of its instruments, rigs and ball, made from its records. The sheets state the
     values and standard uncertainties of the certificates in the records, and the scatter that the
     readings show. Simulated hits at wall and bat scatter as those of the records. For each test,
-    its u is compared with the rms of u over simulated tests. What the records do not state stays as
-    in the catalog. Save the result in a folder, and hand this folder to the other studies as their
-    laboratory. Only records are read, never the sealed true values.
+    its u is compared with the rms of u over simulated tests, which have as many hits if all are at
+    one position. What the records do not state stays as in the catalog. Save the result in a
+    folder, and hand this folder to the other studies as their laboratory. Only records are read,
+    never the sealed true values.
 
     Parameters
     ----------
