@@ -183,7 +183,7 @@ def coverage(
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     procedure
-        The test procedure: a name in the catalog or a .toml file.
+        The test procedure: a name in the catalog or a .toml file. Its key ``ball`` names the ball.
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     laboratories

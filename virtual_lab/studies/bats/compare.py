@@ -153,11 +153,12 @@ def profile(
 ) -> BatProfile | BatComparison:
     """Show how hard a bat hits along the barrel.
 
-    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
-    batted-ball speed. For one bat, the result has curves, modal frequencies and nodes. For several
-    bats, it has four quantities of each bat: e, e_A, v_f and the bat performance factor BPF. Each
-    is the largest value up to 12 in from the tip where ball and bat touch once. It also has the
-    differences between the bats.
+    The result of one bat has its curves along the barrel, modal frequencies and nodes. The result
+    of several bats has the largest e, BPF, e_A and v_f of each bat, and the differences between the
+    bats. The largest values are those up to 12 in from the tip where ball and bat touch once.
+
+    The symbols: e is the restitution of bat and ball, BPF the bat performance factor, r the recoil
+    factor, e_A the collision efficiency, and v_f the speed of the batted ball.
 
     Parameters
     ----------
@@ -168,9 +169,9 @@ def profile(
     more
         Further bats, instead of a list.
     swings
-        Exponent n of the swing law, 0 to 0.5: the bat speed is proportional to I^-n, where I is the
-        moment of inertia, and is that of the game for 17000 oz in^2. For one bat only one exponent
-        is allowed, by default 0. For several bats the default is 0 and 0.5.
+        Exponent n of the swing law, 0 to 0.5. The speed of a bat with the moment of inertia I is
+        that of the game, multiplied by (17000 oz in^2 / I)^n. With 0 all bats are swung at the same
+        speed. One bat has one exponent, by default 0. For several bats the default is 0 and 0.5.
     ball
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
