@@ -162,6 +162,16 @@ def test_a_plan_with_too_many_shots_is_impossible(scanned):
     assert np.isinf(scanned.predict_u(counts)).tolist() == [[False, False, True]]
 
 
+def test_the_title_says_if_hits_alone_do_not_reach_the_target(plans):
+    """The sweep has four times the hits, balls and wall hits of the procedure."""
+    assert "alone" not in plans.title  # a target that hits alone reach
+    low = vl.plan("asa", bat="softball-34", target_u=0.08, laboratories=TESTS)
+    rules = vl.procedure("asa").with_(valid_hits=24, balls=48, wall_hits=16, attempts=96)
+    u = vl.sweep("softball-34", procedures=rules, laboratories=TESTS)["u"].median()
+    assert low.title.endswith(f"; more hits, balls and wall hits alone reach {u:.3g} at best")
+    assert "final" not in low.text  # the procedure has no final hits
+
+
 @pytest.mark.usefixtures("few_tests")
 def test_floor_if_no_plan_reaches_the_target():
     plans = vl.plan("asa", bat="softball-34", target_u=0.01, laboratories=TESTS)

@@ -97,34 +97,30 @@ def plan(
 ) -> LaboratoryPlans:
     """Find the cheapest way to an uncertainty.
 
-    Instruments and the numbers of hits, balls and wall hits are varied. The table has the present
-    laboratory and at most ten plans that should reach the target. It also has the cheapest single
-    change of the present laboratory, if one is enough. The first plan is the one with the fewest
-    minutes, or the lowest price if `prices` is given, that reaches the target by simulation. Then
-    come plans that are equal to it, then dearer ones.
+    A plan has more hits, balls or wall hits than the procedure requires, or better instruments. The
+    table has the present laboratory and at most ten plans, the cheapest first. The cheapest plan
+    has the fewest minutes, or the lowest price if `prices` is given. If a single change of the
+    present laboratory is enough, the table also has the cheapest single change. If no plan reaches
+    the target, the table has the plan with the smallest u (the floor), and the text names the
+    largest terms of this u.
 
-    A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
-    procedure, rounded. Numbers between these are not tried. A plan may exchange up to eight
-    instruments. The new instruments follow the data sheets named in `prices`. By default they have
-    half of each standard uncertainty and half of each scatter, such as the scatter of a cannon's
-    aim. Instruments that hardly lower u are not considered. An exchange changes the minutes only by
-    the number of shots: a cannon that aims better needs fewer. Of the plans other than the first, a
-    plan is left out if a smaller plan reaches the target too. A smaller plan has one exchanged
-    instrument fewer, or the next smaller number of hits, balls or wall hits.
+    Hits, balls and wall hits are multiplied by 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4, and rounded.
+    At most eight instruments are exchanged for better ones, the data sheets in `prices`. By default
+    a better instrument has half of each standard uncertainty and half of each scatter, such as the
+    scatter of a cannon's aim. Instruments that hardly lower u are not exchanged. A better
+    instrument changes the minutes only by the number of shots: a cannon that aims better needs
+    fewer. Apart from the cheapest plan, a plan is left out if it would also reach the target with
+    one exchanged instrument fewer, or with the next smaller number of hits, balls or wall hits.
 
-    To choose the plans, u is predicted to first order from the budget of the present laboratory,
-    and corrected by the plans that were simulated. The plan that promises the largest saving
-    is simulated next, with four times the tests as long as its u is within two standard errors of
-    the target, up to 5 000 tests. The search ends if no plan promises to save more than 5 min, or
-    after 20 000 tests beyond those of the table (about 20 s of processor time). The limit is a
-    number of tests so that the result does not depend on the computer.
+    The u of a plan is predicted from the budget of the present laboratory, and corrected by the
+    plans that were simulated. The plan with the largest expected saving is simulated next. If its u
+    is within two standard errors of the target, four times the tests are simulated, up to 5 000
+    tests. The search ends if no plan is expected to save more than 5 min, or after 20 000 tests
+    beyond those of the table (about 20 s of processor time).
 
-    The column `compared` shows *equal* for plans that are less than 5 min dearer than the first, or
-    cheaper with a u that is not decided. The column `reaches` shows whether the simulated u reaches
-    the target: yes, no, or not decided within two standard errors. If no plan reaches the target,
-    the table contains the plan with the smallest u instead (the floor). The text names the largest
-    terms of this u. A bat is tested whatever its construction, also if the procedure requires no
-    test of it.
+    In the table, *reaches the target* is yes, no, or not decided within two standard errors of the
+    simulated u. The *cost* is equal if it is less than 5 min above that of the cheapest plan, or
+    below it with a u that is not decided. A bat is tested whatever its construction.
 
     Parameters
     ----------
@@ -200,11 +196,16 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
     elif others:
         words.append("No single change of the present laboratory reaches the target.")
     rows = [search.row(at, name) for name, at in chosen.items()]
+    best = _best(rows)
+    if plans and search.estimates()[0][search.lowest_alone] > search.target:
+        alone = search.row(search.lowest_alone)
+        if alone.reaches == "no":
+            best += f"; more hits, balls and wall hits alone reach {alone.simulated_u:.3g} at best"
     setup, unit = search.laboratory.shared.setup, search.printed.unit
     target = with_unit(search.target, unit, ".3g")
     return LaboratoryPlans(
         name="plan",
-        title=f"{setup.bat.spec.name} by {setup.rules.spec.name}, u up to {target}: {_best(rows)}",
+        title=f"{setup.bat.spec.name} by {setup.rules.spec.name}, u up to {target}: {best}",
         rows=rows,
         words=" ".join([*words, EQUAL]),
         target_u=search.target,
@@ -219,9 +220,10 @@ def _best(rows: Sequence[PlanRow]) -> str:
         return "no plan is sure to reach it"
     plan = min(reaching, key=lambda row: row.compared != "cheapest")
     name = "the present laboratory" if plan.plan == PRESENT else f"plan {plan.plan}"
+    final = f"{plan.final_hits} final hits, " if plan.final_hits else ""
     return (
-        f"{name} reaches {plan.simulated_u:.3g}, with {plan.hits} hits, {plan.final_hits} final "
-        f"hits, {plan.balls} balls, {plan.minutes:.0f} minutes; exchanged: {plan.exchanged}"
+        f"{name} reaches {plan.simulated_u:.3g}, with {plan.hits} hits, {final}{plan.balls} balls, "
+        f"{plan.minutes:.0f} minutes; exchanged: {plan.exchanged}"
     )
 
 

@@ -41,7 +41,7 @@ class PlanRow:
 
     plan: str = column("plan", form="")
     hits: int = column("hits")
-    final_hits: int = column("final hits")
+    final_hits: int = column("final hits", form=lambda row: str(row.final_hits or ""))
     balls: int = column("balls")
     wall_hits: int = column("wall hits")
     minutes: float = column("minutes", form=".0f")
@@ -112,6 +112,12 @@ class Search:
         """Index of the plan with the smallest estimated u."""
         u, _ = self.estimates()
         return _index(u.argmin(), u)
+
+    @property
+    def lowest_alone(self) -> Index:
+        """Index of the plan without an exchanged instrument that has the smallest estimated u."""
+        u, _ = self.estimates()
+        return _index(u[0].argmin(), u)  # the first plans have no exchange
 
     @property
     def _best(self) -> list[Index]:
