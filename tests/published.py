@@ -87,7 +87,7 @@ def operating(procedure: str, seed: int, size: int) -> Figures:
     found = vl.operating(
         "ea70", procedures=[procedure], laboratories=size, seed=seed, progress=quiet
     )
-    limit = found.limits[procedure]
+    limit = found[0].limit
     figures: Figures = {}
     for over in (0, 1, 2):
         for best_of, words in ((1, "one test"), (3, "best of 3 tests")):

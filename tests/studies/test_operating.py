@@ -173,7 +173,7 @@ def test_picture_and_table_are_saved(found, tmp_path: Path) -> None:
     drawn = {line.get_label(): line.get_ydata() for line in few.lines}
     invalid = [row.invalid_probability for row in curve(found, 1)]
     assert list(drawn["INVALID, one test"]) == invalid
-    assert list(found.limits.values()) == [1.2, 1.2]
+    assert {row.limit for row in found} == {1.2}
 
 
 def test_a_procedure_without_a_limit_is_refused() -> None:

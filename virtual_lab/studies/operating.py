@@ -82,14 +82,13 @@ class OperatingPoint:
 
 CHANCES = [each.name for each in fields(OperatingPoint) if each.name.startswith("pass_")]
 DRAWN = ("true_value", "invalid_probability", *CHANCES[:3])
-LABELS = {1: "one test", 3: "best of 3 tests of one laboratory"}
+LABELS = ("best of 3 tests of one laboratory", "one test")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class OperatingCurves(Rows[OperatingPoint]):
     """Probability of PASS against the true metric, by one test and by the best of three."""
 
-    limits: Mapping[str, float]  # limit of each procedure, in the unit of its metric
     # limits of acceptance at which a bat at the limit passes with a probability of 5 %: one test,
     # and the best of three laboratories
     acceptance_limits: Mapping[str, tuple[float, float]]
@@ -101,11 +100,11 @@ class OperatingCurves(Rows[OperatingPoint]):
 
     def draw(self) -> PageFigure:
         """Draw the probability of PASS with its interval, one panel per procedure."""
-        with page_figure(2.6 * len(self.limits)) as figure:
+        with page_figure(2.6 * len(self.acceptance_limits)) as figure:
             same = len({row.metric for row in self.rows}) == 1
-            panels = figure.subplots(len(self.limits), 1, squeeze=False, sharex=same).ravel()
-            for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
-                for best_of, line in zip(TESTS[::-1], ("--", "-"), strict=True):
+            panels = figure.subplots(len(self.acceptance_limits), squeeze=False, sharex=same).flat
+            for axes, procedure in zip(panels, self.acceptance_limits, strict=True):
+                for best_of, line, words in zip(TESTS[::-1], ("--", "-"), LABELS, strict=True):
                     points = [
                         r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)
                     ][:POINTS]
@@ -113,9 +112,9 @@ class OperatingCurves(Rows[OperatingPoint]):
                         [[getattr(row, key) for key in DRAWN] for row in points]
                     )
                     axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
-                    axes.plot(true, passes, line, color="black", label=f"PASS, {LABELS[best_of]}")
-                axes.plot(true, invalid, ":", color="black", label=f"INVALID, {LABELS[1]}")
-                axes.axvline(limit, color="0.5", linewidth=0.6)
+                    axes.plot(true, passes, line, color="black", label=f"PASS, {words}")
+                axes.plot(true, invalid, ":", color="black", label=f"INVALID, {words}")
+                axes.axvline(points[0].limit, color="0.5", linewidth=0.6)
                 words = "vertical line: limit; gray: 95 % interval of the simulation"
                 axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}; {words}")
                 axes.set(
@@ -186,62 +185,32 @@ def operating(
         A name is unknown, or a procedure has no limit.
     """
     bat, procedures, true = entry_name(bat), entry_names(procedures), values_of(true)
-    rows: list[OperatingPoint] = []
-    limits: dict[str, float] = {}
+    rows, titles, answers = list[OperatingPoint](), list[str](), list[str]()
     acceptance_limits: dict[str, tuple[float, float]] = {}
-    answers: list[str] = []
-    titles: list[str] = []
     for name in procedures:
         round_robin = RoundRobin.of(bat, name)
-        rules = round_robin.setup.rules.spec
-        if rules.metric_limit is None:
-            raise InputError("", "procedure", rules.name, "has no limit; allowed: one with a limit")
         total = POINTS + len(OVER) + len(true)
         variants = _Variants(round_robin, laboratories, seed, total, progress)
-        errors, valid, _ = variants.errors(rules.metric_limit)
-        printed = METRICS[rules.metric]
-        limits[rules.name] = printed.in_unit(rules.metric_limit)
-        results = printed.in_unit(rules.metric_limit + np.where(valid, errors, np.inf))
+        rules, limit, printed = variants.rules, variants.limit, variants.printed
+        errors, valid, _ = variants.errors(limit)
+        results = printed.in_unit(limit + np.where(valid, errors, np.inf))
         accepted = [_acceptance(results, risk) for risk in (RISK, 1 - (1 - RISK) ** (1 / 3))]
         acceptance_limits[rules.name] = accepted[0][0], accepted[1][0]
         deviations = HALF_RANGE * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
-        further = [*np.multiply(OVER, rules.metric_limit), *np.multiply(true, printed.unit_si)]
-        for best_of in TESTS:
-            for x in [*(rules.metric_limit + deviations), *further]:
-                errors, valid, errors_of = variants.errors(float(x))
-                below = valid[:, :best_of] & (x + errors[:, :best_of] <= rules.metric_limit)
-                valid_laboratories = int(valid[:, :best_of].any(axis=1).sum())
-                passed = int(below.any(axis=1).sum())
-                counts = laboratories, valid_laboratories
-                chances = [each for count in counts for each in _chance(passed, count)]
-                rows.append(
-                    OperatingPoint(
-                        bat=round_robin.setup.bat.spec.name,
-                        procedure=rules.name,
-                        best_of=best_of,
-                        metric=printed.symbol,
-                        unit=printed.unit,
-                        true_value=printed.in_unit(float(x)),
-                        tests=laboratories * best_of,
-                        errors_of=errors_of,
-                        limit=limits[rules.name],
-                        invalid_probability=1 - valid_laboratories / laboratories,
-                        **dict(zip(CHANCES, chances, strict=True)),
-                    )
-                )
-        count = POINTS + len(further)
-        one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
-        answers.append(_answers(one, best, limits[rules.name], accepted))
-        answers.extend(_decided_by_chance(rows[-2 * count :][:POINTS]))
-        invalid = f"INVALID: {100 * one[0].invalid_probability:.0f} %"
-        titles.append(f"{_best_of(1, one[0])} by {rules.name} ({invalid})")
+        further = *np.multiply(OVER, limit), *np.multiply(true, printed.unit_si)
+        metrics = np.array([*(limit + deviations), *further]).tolist()
+        one, best = ([variants.point(x, best_of) for x in metrics] for best_of in TESTS)
+        rows += one + best
+        answers.append(_answers(one[POINTS:], best[POINTS:], accepted))
+        answers.extend(_decided_by_chance(one[:POINTS]))
         answers.extend(_other_rules(round_robin, seed))
+        invalid = f"INVALID: {100 * one[POINTS].invalid_probability:.0f} %"
+        titles.append(f"{_best_of(1, one[POINTS])} by {rules.name} ({invalid})")
     return OperatingCurves(
         name="operating",
         title=f"A bat at the limit passes one test with a probability of {', '.join(titles)}",
         rows=[*dict.fromkeys(rows)],  # the curve and the answers have the limit
         words="\n\n".join((WORDS, *answers)),
-        limits=limits,
         acceptance_limits=acceptance_limits,
     )
 
@@ -249,7 +218,6 @@ def operating(
 def _answers(
     one: Sequence[OperatingPoint],
     best: Sequence[OperatingPoint],
-    limit: float,
     accepted: Sequence[tuple[float, float]],
 ) -> str:
     """Return the probabilities of PASS for some true metrics, and limits of acceptance, as text.
@@ -263,7 +231,7 @@ def _answers(
             f"true {single.metric} {both_units(single.unit)}".rstrip(): in_both_units(
                 single.true_value, single.unit, ".4g"
             ),
-            "over the limit": f"{100 * (single.true_value / limit - 1):+.1f} %",
+            "over the limit": f"{100 * (single.true_value / single.limit - 1):+.1f} %",
             "one test": _best_of(1, single),
             "best of 3 tests": _best_of(1, three),
             "best of 3 laboratories": _best_of(3, single),
@@ -272,8 +240,8 @@ def _answers(
     ]
     (alone, u), (best_of, best_u) = accepted
     return (
-        f"Probability of PASS by {one[0].procedure}, with the limit {limit:g}; best of 3 tests of "
-        f"one laboratory, or of 3 laboratories:\n{table_text(lines)}\n"
+        f"Probability of PASS by {one[0].procedure}, with the limit {one[0].limit:g}; best of 3 "
+        f"tests of one laboratory, or of 3 laboratories:\n{table_text(lines)}\n"
         f"If a bat at the limit shall pass only {100 * RISK:.0f} % of its tests,\nthe limit of "
         f"acceptance is {alone:.4f} ± {u:.4f}, or {best_of:.4f} ± {best_u:.4f} if the best of "
         "three laboratories counts."
@@ -337,10 +305,37 @@ class _Variants:
         self, round_robin: RoundRobin, laboratories: int, seed: int, total: int, progress: Progress
     ) -> None:
         self.setup, self.laboratories, self.seed = round_robin.setup, laboratories, seed
+        self.rules, limit = self.setup.rules.spec, self.setup.rules.spec.metric_limit
+        if limit is None:
+            allowed = "has no limit; allowed: one with a limit"
+            raise InputError("", "procedure", self.rules.name, allowed)
+        self.limit, self.printed = limit, METRICS[self.rules.metric]
         self.total, self.progress = total, progress  # number of bats at most
         self.tests: dict[float, tuple[Array, Mask]] = {}  # errors and valid tests, by factor
         self.known: dict[float, float] = {}  # true metric of variants [SI], by factor
         self.metrics = np.array([self._metric(factor) for factor in FACTORS.tolist()])
+
+    def point(self, metric: float, best_of: int) -> OperatingPoint:
+        """Return the probabilities for bats with a true metric [SI], by the best of some tests."""
+        errors, valid, errors_of = self.errors(metric)
+        below = valid[:, :best_of] & (metric + errors[:, :best_of] <= self.limit)
+        valid_laboratories = int(valid[:, :best_of].any(axis=1).sum())
+        passed = int(below.any(axis=1).sum())
+        counts = self.laboratories, valid_laboratories
+        chances = [each for count in counts for each in _chance(passed, count)]
+        return OperatingPoint(
+            bat=self.setup.bat.spec.name,
+            procedure=self.rules.name,
+            best_of=best_of,
+            metric=self.printed.symbol,
+            unit=self.printed.unit,
+            true_value=self.printed.in_unit(metric),
+            tests=self.laboratories * best_of,
+            errors_of=errors_of,
+            limit=self.printed.in_unit(self.limit),
+            invalid_probability=1 - valid_laboratories / self.laboratories,
+            **dict(zip(CHANCES, chances, strict=True)),
+        )
 
     def errors(self, metric: float) -> tuple[Array, Mask, str]:
         """Return the errors of the metric [SI], 0 without a result, the valid tests, and the bat.

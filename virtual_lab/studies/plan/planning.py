@@ -189,7 +189,7 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
         if search.row(single).reaches != "no":
             break
     if not plans:
-        chosen[FLOOR] = search.lowest
+        chosen[FLOOR] = search.lowest()
         words.append(_floor(search))
     elif others and single:
         chosen[SINGLE] = single
@@ -197,10 +197,10 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
         words.append("No single change of the present laboratory reaches the target.")
     rows = [search.row(at, name) for name, at in chosen.items()]
     best = _best(rows)
-    if plans and search.estimates()[0][search.lowest_alone] > search.target:
-        alone = search.row(search.lowest_alone)
-        if alone.reaches == "no":
-            best += f"; more hits, balls and wall hits alone reach {alone.simulated_u:.3g} at best"
+    alone = search.lowest(sets=1)
+    if plans and search.estimates()[0][alone] > search.target and search.row(alone).reaches == "no":
+        u = search.row(alone).simulated_u
+        best += f"; more hits, balls and wall hits alone reach {u:.3g} at best"
     setup, unit = search.laboratory.shared.setup, search.printed.unit
     target = with_unit(search.target, unit, ".3g")
     return LaboratoryPlans(
@@ -229,7 +229,7 @@ def _best(rows: Sequence[PlanRow]) -> str:
 
 def _floor(search: Search) -> str:
     """Return the smallest u and its largest terms in words."""
-    at, unit = search.lowest, search.printed.unit
+    at, unit = search.lowest(), search.printed.unit
     terms = search.laboratory.forecast.contributions(search.grid.at(at[1:]), at[0])
     largest = list(terms.items())[:TERMS]
     size = search.printed.in_unit

@@ -93,7 +93,7 @@ class Search:
                 return [present]
             unknown = self._promising() if self.left > MOST_OF_PLAN else []
             plans = cheapest(self.estimates()[0], self.cost, self.target, SHOWN)
-            unknown = unknown or [at for at in plans or [self.lowest] if self._open(at)]
+            unknown = unknown or [at for at in plans or [self.lowest()] if self._open(at)]
         plans += [at for at in self._best[:1] if at not in plans]
         return sorted(plans, key=lambda at: (self.row(at).compared, self.cost[at]))[:SHOWN]
 
@@ -107,17 +107,13 @@ class Search:
             compared = "cheapest" if at in best else "equal" if near else "higher"
         return replace(self.simulated[at], plan=name, compared=compared)
 
-    @property
-    def lowest(self) -> Index:
-        """Index of the plan with the smallest estimated u."""
-        u, _ = self.estimates()
-        return _index(u.argmin(), u)
+    def lowest(self, sets: int | None = None) -> Index:
+        """Return the plan with the smallest estimated u, of the first `sets` sets of exchanges.
 
-    @property
-    def lowest_alone(self) -> Index:
-        """Index of the plan without an exchanged instrument that has the smallest estimated u."""
+        The first set is that without an exchange. By default all sets are compared.
+        """
         u, _ = self.estimates()
-        return _index(u[0].argmin(), u)  # the first plans have no exchange
+        return _index(u[:sets].argmin(), u)
 
     @property
     def _best(self) -> list[Index]:
