@@ -40,7 +40,6 @@ from virtual_lab.measurement.procedure import (
     SetAside,
     Verdict,
     add_shortfall,
-    exemption,
     findings,
     judge,
     judge_by,
@@ -321,7 +320,7 @@ def certify_reduction(
             rules,
             reduced.preparation.bat,
             np.where(has_result, metric.value, np.nan),
-            exemption(rules, block.bat_construction),
+            block.bat_construction,
         ),
     )
     return Certifications(

@@ -20,7 +20,7 @@ import numpy as np
 from virtual_lab.catalog.specs import BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin
-from virtual_lab.measurement.procedure import exemption, unmet_rules
+from virtual_lab.measurement.procedure import unmet_rules
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -266,8 +266,8 @@ def _other_rules(round_robin: RoundRobin, seed: int) -> Iterator[str]:
     """Yield why the verdict of the nominal bat does not depend on its metric, if so."""
     certified = next(round_robin.blocks(1, seed)).certified
     rules, bat = certified.procedure, round_robin.setup.bat.spec
-    exempt = exemption(rules, bat.construction or "")
-    reasons = unmet_rules(rules, certified.reduced.preparation.bat, np.array([nan]), exempt)
+    measured, construction = certified.reduced.preparation.bat, bat.construction or ""
+    reasons = unmet_rules(rules, measured, np.array([nan]), construction)
     if unmet := [each for each in reasons if each.where[0]]:
         yield (
             f"Here only the metric decides. By {rules.name} the verdict of the nominal {bat.name} "

@@ -17,7 +17,7 @@ from virtual_lab.bench.scoring.deviations import (
     JUSTIFIED,
     Deviation,
 )
-from virtual_lab.measurement.procedure import exemption, sentences_of, unmet_rules, verdicts_of
+from virtual_lab.measurement.procedure import sentences_of, unmet_rules, verdicts_of
 
 FAULTY = "the day has a fault that was not repaired,"
 MENDABLE = 0.6  # score of a justified INVALID if the fault could have been repaired
@@ -65,8 +65,8 @@ def right_verdict(
     if spoilt and abs(value - truth) > 2 * u:
         return RightVerdict("INVALID", f"{FAULTY} and the result is wrong by more than U", truth)
     rules = desk.rules.spec
-    exempt = exemption(rules, desk.session.bat_construction)
-    unmet = tuple(unmet_rules(rules, desk.preparation.bat, np.array([truth]), exempt))
+    bat, construction = desk.preparation.bat, desk.session.bat_construction
+    unmet = tuple(unmet_rules(rules, bat, np.array([truth]), construction))
     (verdict,) = verdicts_of(rules, unmet, 1)
     return RightVerdict(verdict.value, "; ".join(sentences_of(unmet, verdict, 0)), truth)
 

@@ -7,7 +7,7 @@ from virtual_lab.measurement.procedure.choice import (
     shortfalls,
     variances_within,
 )
-from virtual_lab.measurement.procedure.eligibility import Finding, exemption, findings
+from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import (
     UNDECIDED,
     Acceptance,
@@ -62,7 +62,6 @@ __all__ = [
     "add_shortfall",
     "admit_balls",
     "curve_of",
-    "exemption",
     "findings",
     "has_too_few",
     "hit_weights_of",

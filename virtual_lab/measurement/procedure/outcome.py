@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.procedure.eligibility import bat_rules
+from virtual_lab.measurement.procedure.eligibility import bat_rules, exemption
 from virtual_lab.measurement.procedure.metric import Objective
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
 from virtual_lab.measurement.procedure.schedule import scan_rules, sort_by_laboratory
@@ -319,18 +319,19 @@ class Reason(NamedTuple):
 
 
 def unmet_rules(
-    procedure: Procedure, bat: BatProperties, value: Array, exempt: str = ""
+    procedure: Procedure, bat: BatProperties, value: Array, construction: str = ""
 ) -> Iterator[Reason]:
     """Yield one reason for FAIL per rule of the procedure, with a mask of the laboratories.
 
-    If the procedure requires no test of the bat, yield only the reason `exempt` for MEASURED.
+    If the procedure requires no test of bats of this construction ("": unknown), yield only this
+    reason, for MEASURED.
 
     The mask, (laboratory,), is True where the bat violates the rule. The rules are the eligibility
     rules for bats and the limit of the metric. A rule that all bats meet is yielded too. `bat`
     holds the measured bats. `value` is the metric, (laboratory,), NaN if unknown. NaN and a value
     equal to the limit do not violate the limit.
     """
-    if exempt:
+    if exempt := exemption(procedure, construction):
         yield Reason(Verdict.MEASURED, np.ones(len(value), dtype=bool), lambda _: exempt)
         return
     for rule in bat_rules(procedure, bat):
