@@ -386,7 +386,8 @@ def sample(tested: BlockTest) -> Sample:
     aim = certified.block.calibration.get("impact.cannon.along")
     along = marks.along.reshape(count, -1)
     deviation = along - (aim.value[:, None] if aim else 0.0)
-    in_result = certified.hit_weights.used
+    used, results = certified.hit_weights.used, certified.results
+    scatter, _ = variances_within(owner[used], reduced.position[used], metric[used], count)
     return Sample(
         sound=~certified.invalid,
         fired=np.bincount(owner, minlength=count),
@@ -394,9 +395,7 @@ def sample(tested: BlockTest) -> Sample:
         place=certified.hit_weights.position,
         stray=deviation.var(axis=1, ddof=1),
         beside=np.mean(deviation**2, axis=1),
-        scatter=variances_within(
-            owner[in_result], reduced.position[in_result], metric[in_result], count
-        )[0],
+        scatter=scatter,
         results={
             true: Results(
                 value=budgets.value,
@@ -405,10 +404,7 @@ def sample(tested: BlockTest) -> Sample:
                 shift=budgets.components.shift.sum(axis=1),
                 true=tested.measurands[true],
             )
-            for true, budgets in (
-                *certified.results.items(),
-                (STANDARD_BALL, certified.results["metric"]),
-            )
+            for true, budgets in {**results, STANDARD_BALL: results["metric"]}.items()
             if true in tested.measurands
         },
     )

@@ -264,10 +264,9 @@ def _decided_by_chance(curve: Sequence[OperatingPoint]) -> Iterator[str]:
 
 def _other_rules(round_robin: RoundRobin, seed: int) -> Iterator[str]:
     """Yield why the verdict of the nominal bat does not depend on its metric, if so."""
-    certified = next(round_robin.blocks(1, seed)).certified
-    rules, bat = certified.procedure, round_robin.setup.bat.spec
-    measured, construction = certified.reduced.preparation.bat, bat.construction or ""
-    reasons = unmet_rules(rules, measured, np.array([nan]), construction)
+    certified, bat = next(round_robin.blocks(1, seed)).certified, round_robin.setup.bat.spec
+    rules, measured = certified.procedure, certified.reduced.preparation.bat
+    reasons = unmet_rules(rules, measured, np.array([nan]), bat.construction or "")
     if unmet := [each for each in reasons if each.where[0]]:
         yield (
             f"Here only the metric decides. By {rules.name} the verdict of the nominal {bat.name} "
