@@ -309,14 +309,9 @@ def coverage_table(
     unit = METRICS[metric_name].si_unit
     units = {"metric": unit, STANDARD_BALL: unit}
     metric, *rows = (
-        _row(
-            np.concatenate(rows_of_quantity[name]),
-            quantity=name,
-            unit=units.get(name, ""),
-            **about,
-        )
-        for name in order
-        if rows_of_quantity[name]
+        _row(np.concatenate(results), quantity=name, unit=units.get(name, ""), **about)
+        for name, results in rows_of_quantity.items()
+        if results
     )
     if rehearsal:
         hit_scatter = rehearsal.hit_scatter(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from math import nan
 from typing import TYPE_CHECKING
 
@@ -311,17 +312,15 @@ class _Variants:
         self.limit, self.printed = limit, METRICS[self.rules.metric]
         self.total, self.progress = total, progress  # number of bats at most
         self.tests: dict[float, tuple[Array, Mask]] = {}  # errors and valid tests, by factor
-        self.known: dict[float, float] = {}  # true metric of variants [SI], by factor
-        self.metrics = np.array([self._metric(factor) for factor in FACTORS.tolist()])
+        self.metric_of = cache(self._metric)
+        self.metrics = np.array([self.metric_of(factor) for factor in FACTORS.tolist()])
 
     def point(self, metric: float, best_of: int) -> OperatingPoint:
         """Return the probabilities for bats with a true metric [SI], by the best of some tests."""
         errors, valid, errors_of = self.errors(metric)
         below = valid[:, :best_of] & (metric + errors[:, :best_of] <= self.limit)
-        valid_laboratories = int(valid[:, :best_of].any(axis=1).sum())
-        passed = int(below.any(axis=1).sum())
-        counts = self.laboratories, valid_laboratories
-        chances = [each for count in counts for each in _chance(passed, count)]
+        passed, sound = (int(mask.any(axis=1).sum()) for mask in (below, valid[:, :best_of]))
+        chances = [each for of in (self.laboratories, sound) for each in _chance(passed, of)]
         return OperatingPoint(
             bat=self.setup.bat.spec.name,
             procedure=self.rules.name,
@@ -332,7 +331,7 @@ class _Variants:
             tests=self.laboratories * best_of,
             errors_of=errors_of,
             limit=self.printed.in_unit(self.limit),
-            invalid_probability=1 - valid_laboratories / self.laboratories,
+            invalid_probability=1 - sound / self.laboratories,
             **dict(zip(CHANCES, chances, strict=True)),
         )
 
@@ -349,7 +348,7 @@ class _Variants:
 
             at = min(brackets, key=lambda each: abs(np.log(FACTORS[each : each + 2]).sum()))
             low, high = FACTORS[at : at + 2].tolist()
-            factor = float(brentq(lambda f: self._metric(f) - metric, low, high, rtol=1e-3))
+            factor = float(brentq(lambda f: self.metric_of(f) - metric, low, high, rtol=1e-3))
         if factor not in self.tests:
             self.progress("bats", len(self.tests), self.total)
             tests = [self._test(factor, test) for test in range(max(TESTS))]
@@ -359,11 +358,9 @@ class _Variants:
 
     def _metric(self, factor: float) -> float:
         """Return the mean true metric of a variant [SI]."""
-        if factor not in self.known:
-            metrics = next(self._variant(factor).blocks(MEAN_OF, 0)).measurands["metric"]
-            finite = metrics[np.isfinite(metrics)]
-            self.known[factor] = float(finite.mean()) if finite.size else nan
-        return self.known[factor]
+        metrics = next(self._variant(factor).blocks(MEAN_OF, 0)).measurands["metric"]
+        finite = metrics[np.isfinite(metrics)]
+        return float(finite.mean()) if finite.size else nan
 
     def _variant(self, factor: float, test: int = 0) -> RoundRobin:
         spec, _ = _with_stiffness(self.setup.bat.spec, factor)
@@ -394,10 +391,8 @@ def _with_stiffness(bat: BatSpec, factor: float) -> tuple[BatSpec, str]:
         hoop = replace(body.hoop, frequency=factor * body.hoop.frequency)
         body, changed = replace(body, hoop=hoop), "hoop frequency"
     else:
-        young, shear = body.material.youngs_modulus, body.material.shear_modulus
-        material = replace(
-            body.material, youngs_modulus=factor * young, shear_modulus=factor * shear
-        )
+        young, shear = factor * body.material.youngs_modulus, factor * body.material.shear_modulus
+        material = replace(body.material, youngs_modulus=young, shear_modulus=shear)
         body, changed = replace(body, material=material), "modulus"
     return replace(bat, body=body), f"{bat.name}, {changed} × {factor:.3g}"
 
