@@ -54,7 +54,7 @@ def test_a_test_that_was_played_again_is_scored(folder: Path) -> None:
     answer, *_, seal, replay, sealing = scored.text.splitlines()
     inside = "inside" if metric["held"] else "outside"
     stated = f"BPF {metric['value']:.4f}, true {metric['true_value']:.4f}: the error {error:+.4f}"
-    assert answer.startswith(f"{stated} is {abs(metric['z']):.1f} times the standard uncertainty")
+    assert answer.startswith(f"{stated} is {abs(metric['z']):.2f} times the standard uncertainty")
     assert f"the true value is {inside} the 95 % interval" in answer
     truth = json.loads((folder / "truth" / "truth.json").read_text())
     true, bat = pd.DataFrame(truth["shots"]), truth["bat_properties"]
@@ -122,7 +122,7 @@ def test_a_quantity_is_printed_by_its_symbol(name: str, metric: str, label: str)
     )
     assert table_text([row]).splitlines()[1].startswith(f"{label} ")
     said = (
-        f"{metric or label} 1.00, true 1.30: the error -0.30 is 3.0 times the standard uncertainty"
+        f"{metric or label} 1.00, true 1.30: the error -0.30 is 3.00 times the standard uncertainty"
     )
     often = "and the true value is outside the 95 % interval, as in 5 % of all tests."
     assert row.words == f"{said}, {often}"

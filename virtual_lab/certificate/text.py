@@ -68,7 +68,7 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
         )
     for row in printed["quantities"]:
         symbol = row["symbol"].replace("_0", "0")
-        which = f"   {document.recoil.which}" if symbol == "r" else ""
+        which = {"r": f"   {document.recoil.which}", "e": "   from e_A and r"}.get(symbol, "")
         yield f"{symbol:4} {row['value']} (u {row['u']}){which}"
     yield f"at {at['relative']}, {at['place']} in from the tip"
     if printed["budget"]:

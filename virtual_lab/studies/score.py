@@ -49,6 +49,12 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 STATED = ("seal", "state", "unchecked", "sealing", "faults", "sheets", "ignored")  # keys of JSON
+TRUE_METRICS = {  # the metric is compared with the true values of several definitions
+    "metric": "that of a test without errors at the same impact positions",
+    CONTINUOUS: "the maximum of the exact curve along the barrel",
+    STANDARD_BALL: "that of the bat struck by the standard ball, without a formula",
+    AS_FOUND: "before the correction for the balls",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +124,7 @@ class QuantityScore:
         value, true = (with_unit(x, self.unit, form) for x in (self.value, self.true_value))
         return (
             f"{self.metric or self.label} {value}, true {true}: the error "
-            f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.1f} times the "
+            f"{with_unit(self.error, self.unit, f'+{form}')} is {abs(self.z):.2f} times the "
             f"standard uncertainty, and the true value is {inside} the 95 % interval{often}."
         )
 
@@ -236,7 +242,7 @@ class CertificateScore(StudyResult):
     @property
     def title(self) -> str:
         """Title with the state."""
-        return f"comparison of a certificate with the truth: {self.state}"
+        return f"errors of a certificate, its files {self.state}"
 
     @property
     def code(self) -> int:
@@ -253,7 +259,7 @@ class CertificateScore(StudyResult):
             ],
             self.title,
             "error (measured minus true value) divided by $u$",
-            hollow="true value outside the 95 % interval",
+            hollow="true value outside a stated 95 % interval",
         )
 
     @property
@@ -271,6 +277,10 @@ class CertificateScore(StudyResult):
         """Error of the metric, all scores, state of seal and replay, and remarks on the test."""
         lack = "too many keys were changed" if self.different else "the test has no result"
         table = ["", table_text(self.rows), ""] if self.rows else []
+        defined = [row for row in self.rows if row.quantity in TRUE_METRICS]
+        if len(defined) > 1:
+            truths = [f"true value of {e.label}: {TRUE_METRICS[e.quantity]}" for e in defined]
+            table += [*truths, ""]
         lines = [self.rows[0].words if self.rows else f"no score: {lack}", *table]
         lines.append(f"The seal is {'broken' if self.broken else 'intact'}.")
         if self.state == "whole":
