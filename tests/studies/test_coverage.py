@@ -130,10 +130,10 @@ def test_bounds_are_clopper_and_pearsons_of_95_percent(studied: Any) -> None:
 def test_the_title_answers_whether_the_intervals_hold(studied: Any) -> None:
     """Clopper-Pearson: 95 % of 499 decides nothing, of 500 agrees with 95 %; 93 and 97 % do not."""
     for missed, of, answer in (
-        (25, 499, "of 499 laboratories, undecided below 500"),
-        (25, 500, "contain the true value in 92.7 to 96.7 % of 500 laboratories, as stated"),
+        (25, 499, "of 499 laboratories, undecided with fewer than 500"),
+        (25, 500, "in 95.0 % (92.7 to 96.7 %) of 500 laboratories, as stated"),
         (5, 20, "of 20 laboratories, less often than stated"),
-        (50, 1000, "contain the true value in 93.5 to 96.3 % of 1000 laboratories, as stated"),
+        (50, 1000, "in 95.0 % (93.5 to 96.3 %) of 1000 laboratories, as stated"),
         (70, 1000, "laboratories, less often than stated"),
         (30, 1000, "laboratories, more often than stated"),
     ):

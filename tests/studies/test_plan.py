@@ -136,7 +136,7 @@ def test_present_laboratory_may_reach_the_target():
     """Nearly half of the tests have a larger u than the procedure allows, as in a sweep."""
     rules = vl.procedure("asa").with_(largest_speed_u="0.137 mph")
     plans = vl.plan(rules, bat="softball-34", target_u=0.2, laboratories=TESTS)
-    assert [row.plan for row in plans] == ["present"]
+    assert [(row.plan, row.compared) for row in plans] == [("present", "cheapest")]
     assert "u up to 0.2 mph (0.0894 m/s): the present laboratory reaches 0." in plans.title
     tests = vl.sweep("softball-34", procedures=rules, laboratories=TESTS)
     assert plans[0].invalid == (tests["verdict"] == "INVALID").sum() > 20

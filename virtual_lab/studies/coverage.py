@@ -445,12 +445,12 @@ def _row(results: Array, **about: Any) -> Coverage:
 def _answer(metric: Coverage) -> str:
     """Return whether the intervals of the metric hold, as far as the study shows."""
     low, high = 100 * metric.coverage_low, 100 * metric.coverage_high
-    answer = "as stated" if metric.laboratories >= ENOUGH else f"undecided below {ENOUGH}"
+    answer = "as stated" if metric.laboratories >= ENOUGH else f"undecided with fewer than {ENOUGH}"
     if not low <= 95 <= high:
         answer = f"{'less' if high < 95 else 'more'} often than stated"
     return (
-        f"the 95 % intervals of the metric contain the true value in {low:.1f} to {high:.1f} % of "
-        f"{metric.laboratories} laboratories, {answer}"
+        f"the 95 % intervals of the metric contain the true value in {100 * metric.coverage:.1f} % "
+        f"({low:.1f} to {high:.1f} %) of {metric.laboratories} laboratories, {answer}"
     )
 
 

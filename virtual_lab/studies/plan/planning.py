@@ -37,9 +37,9 @@ HALF = (
     " or the one offered; `pivot` is the survey of the rig, in the rig's data sheet."
 )
 EQUAL = (
-    "Cheapest: reaches the target beyond two standard errors; of plans less than 5 min apart, the"
-    " one with the fewest exchanges. Equal: less than 5 min dearer, or cheaper but not decided."
-    " Simulated u is a median over tests."
+    "Cheapest: reaches the target beyond two standard errors; of plans less than 5 min above the"
+    " least, the one with the fewest exchanges. Equal: less than 5 min dearer, or cheaper but not"
+    " decided. Simulated u is a median over tests."
 )
 
 
@@ -185,13 +185,15 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
     others = [at for at in plans if at != present]
     chosen = {PRESENT: present, **{str(n): at for n, at in enumerate(others, 1)}}
     words = [HALF]
-    while single := cheapest_single_change(search.estimates()[0], search.cost, search.target):
-        if search.row(single).reaches != "no":
+    single = None
+    while others:
+        single = cheapest_single_change(search.estimates()[0], search.cost, search.target)
+        if single is None or search.row(single).reaches != "no":
             break
     if not plans:
         chosen[FLOOR] = search.lowest()
         words.append(_floor(search))
-    elif others and single:
+    elif single:
         chosen[SINGLE] = single
     elif others:
         words.append("No single change of the present laboratory reaches the target.")
@@ -221,9 +223,11 @@ def _best(rows: Sequence[PlanRow]) -> str:
     plan = min(reaching, key=lambda row: row.compared != "cheapest")
     name = "the present laboratory" if plan.plan == PRESENT else f"plan {plan.plan}"
     final = f"{plan.final_hits} final hits, " if plan.final_hits else ""
+    least = "no plan has fewer than the procedure requires"
+    more = least if plan.plan == PRESENT else f"exchanged: {plan.exchanged}"
     return (
         f"{name} reaches {plan.simulated_u:.3g}, with {plan.hits} hits, {final}{plan.balls} balls, "
-        f"{plan.minutes:.0f} minutes; exchanged: {plan.exchanged}"
+        f"{plan.minutes:.0f} minutes; {more}"
     )
 
 
