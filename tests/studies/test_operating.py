@@ -209,6 +209,20 @@ def test_a_row_has_the_errors_of_a_bat_with_its_metric(wood) -> None:
     assert points(wood, 1, "bbcor")[-1].errors_of == "r161"  # no wood bat is 5 % over the limit
 
 
+def test_of_two_variants_with_a_metric_the_one_nearer_to_the_bat_is_tested(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """1 - (ln f - 0.3)² is 0.9 at ln f = 0.3 ± √0.1."""
+    variants = object.__new__(operating._Variants)
+    variants.setup = RoundRobin.of("r161", "astm-f1881").setup
+    variants.tests, variants.total, variants.progress = {}, 1, quiet
+    variants.metric_of = lambda factor: 1 - (np.log(factor) - 0.3) ** 2
+    variants.metrics = variants.metric_of(operating.FACTORS)
+    monkeypatch.setattr(operating._Variants, "_test", lambda *_: (np.zeros(1), np.ones(1)))
+    *_, tested = variants.errors(0.9)
+    assert float(tested.partition("× ")[2]) == pytest.approx(np.exp(0.3 - 0.1**0.5), abs=0.01)
+
+
 def test_the_limit_applies_to_an_exempt_bat_which_the_text_says(wood) -> None:
     assert "nominal r161 is MEASURED whatever its metric:\nno test required: one" in wood.text
     assert {row.true_value > 0.5 for row in wood} == {True, False}
