@@ -151,6 +151,7 @@ def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
 def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
     """Only those that fit, and nothing from a result's own folder."""
     advice = "There is none in the folder yet: first"
+    assert '<input type="file" accept=".zip">' in visitor.ask("/form/score").text
     for name, maker in (
         *(("score", "certify"), ("report", "certify"), ("reduce", "template")),
         *(("campaign check", "campaign%20run"), ("rehearse branch", "rehearse")),

@@ -96,11 +96,31 @@ def enter(page: Any, selector: str, *keys: str) -> None:
         press(page, selector, *keys, "Enter")
 
 
+def a_file_that_is_not_stored_holds_a_form_back(page: Any) -> None:
+    """While it is sent; and once after it was refused, with the reason, also if it is folded."""
+    held: dict[str, Any] = {}
+    page.route("**/upload?*", lambda route: held.update(upload=route))
+    page.click("summary")
+    half = {"name": "half.zip", "mimeType": "application/zip", "buffer": b"half"}
+    with page.expect_request("**/upload?*"):
+        page.set_input_files("[data-for=f-laboratory] input", half)
+    page.click("button.main")
+    assert page.evaluate("document.activeElement.validationMessage").startswith("Wait until half")
+    held["upload"].continue_()
+    said = page.inner_text("[data-for=f-laboratory] .fault")
+    assert said.startswith("half.zip: This zip file cannot be unpacked.")
+    page.click("summary")
+    page.click("button.main")
+    assert page.evaluate("document.activeElement.type") == "file"
+    page.unroute("**/upload?*")
+
+
 def test_a_coach_by_mouse(page: Any) -> None:
     """From the start page to the certificate, its score, and back."""
     page.click("text=Does this bat pass?")
     page.select_option("[name=bat]", label="EA70, aluminum, 34 in, 31 oz (ea70)")
     page.select_option("[name=procedure]", "bbcor")
+    a_file_that_is_not_stored_holds_a_form_back(page)
     page.get_by_role("button", name="Run").click()
     page.wait_for_selector("iframe")
     assert page.inner_text("h1").startswith("FAIL: e 0.")

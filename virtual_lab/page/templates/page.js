@@ -35,19 +35,37 @@ function offer(control, path, title) {
   }
   control.dispatchEvent(new Event("change"));
 }
-async function upload(input, place) {
-  const [bar, words, folder] = [one("progress", place), one("output", place), input.webkitdirectory];
-  try {
-    let stored;
-    for (const file of input.files) {
-      words.textContent = `sending ${file.name}`;
-      stored = await send(file, file.webkitRelativePath || file.name, bar);
+// a file that is being sent holds the form back, and one that cannot be stored does so once
+all(".upload").forEach(place => {
+  const [bar, words, inputs, control] = [one("progress", place), one("output", place), all("input", place), document.getElementById(place.dataset.for)];
+  const hold = reason => inputs.forEach(each => each.setCustomValidity(reason));
+  const say = (text, reason = "", kind = "") => {
+    [words.textContent, words.className] = [text, kind];
+    hold(reason);
+  };
+  const upload = async ({ target: input }) => {
+    const [files, folder] = [[...input.files], input.webkitdirectory];
+    let [stored, name] = [];
+    try {
+      for (const file of files) {
+        say(`sending ${name = file.name}`, `Wait until ${name} is stored.`);
+        stored = await send(file, file.webkitRelativePath || name, bar);
+      }
+      if (stored) offer(control, ...(folder ? [stored.folder, stored.folder.split(/[\\/]/).at(-1)] : [stored.path, stored.title]));
+      say(stored ? "stored and chosen" : "");
+    } catch ({ message }) {
+      const fault = `${name}: ${message} Choose another file, or press Run again to run without it.`;
+      [bar.value, input.value] = [0, ""];
+      say(fault, fault, "fault");
     }
-    offer(document.getElementById(place.dataset.for), ...(folder ? [stored.folder, stored.folder.split(/[\\/]/).at(-1)] : [stored.path, stored.title]));
-    words.textContent = "stored and chosen";
-  } catch (fault) { [words.textContent, bar.value] = [fault.message, 0]; }
-}
-all(".upload").forEach(place => place.addEventListener("change", ({ target }) => target.files.length && upload(target, place)));
+  };
+  place.addEventListener("change", upload);
+  control.addEventListener("change", () => say(""));
+  place.addEventListener("invalid", () => {
+    place.closest("details")?.setAttribute("open", "");
+    if (words.className) setTimeout(hold, 0, "");
+  }, true);
+});
 // a clip: points set in its frames become fields of the form, or correct the track of a result
 const panel = one(".clip");
 if (panel) {
