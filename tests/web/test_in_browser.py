@@ -19,6 +19,7 @@ from tests.bench.browsing import faults_of, opened
 from tests.web.test_runs import wait
 from tests.web.visiting import clip_of
 
+NONE = "no position; a click adds one of this flight and radius"
 WRITTEN = ["frame", "x_px", "y_px", "radius_px", "flight", "drift_x_px", "drift_y_px"]
 LOOKS = [(320, "dark"), (1280, "light")]
 # whether a part of a certificate is cut off
@@ -242,13 +243,13 @@ def test_a_track_is_corrected_on_its_page(page: Any, student: str, folder: Path)
     x, y = rows["x_px"][2] + 6, rows["y_px"][2] - 1
     assert status.inner_text() == f"Frame 2: the ball at {x:.1f}, {y:.1f} px, flight 1"
     page.click("[aria-label='Previous frame']")
-    assert status.inner_text() == "Frame 1: no position"
+    assert status.inner_text() == f"Frame 1: {NONE.replace('no position', 'position removed')}"
     press(page, ".clip [type=range]", "End")
     shows(page, 11)
     drag(page, (262, 190))
     assert status.inner_text() == "Frame 11: the ball at 262.0, 190.0 px, flight 1"
     page.click("text=Remove this position")
-    assert status.inner_text() == "Frame 11: no position"
+    assert status.inner_text().startswith("Frame 11: position removed;")
     width = page.locator(".stage").bounding_box()["width"]
     page.select_option("[data-zoom]", "2")
     assert page.locator(".stage").bounding_box()["width"] == pytest.approx(2 * width, rel=0.02)
@@ -283,7 +284,7 @@ def test_the_last_change_of_a_track_is_undone(page: Any, student: str) -> None:
     assert buttons.filter(has_text="Remove").is_disabled()
     page.fill("[data-flight]", "7")  # flight of a position that is not set yet
     press(page, ".stage", "Control+z", "PageUp")
-    assert status.inner_text() == "Frame 1: no position"
+    assert status.inner_text().startswith("Frame 1: position removed;")
     page.evaluate("scrollTo(0, one('.stage').getBoundingClientRect().top + scrollY + 60)")
     scrolled = page.evaluate("scrollY")
     for name in ("Next frame", "Previous frame"):
@@ -303,15 +304,28 @@ def test_a_track_without_a_position_gets_its_first_one(
     table.write_text(table.read_text().partition("\n")[0])
     page.goto(student)
     shows(page, 0)
-    assert page.locator(".clip [role=status]").inner_text() == "Frame 0: no position"
+    assert page.locator(".clip [role=status]").inner_text() == f"Frame 0: {NONE}"
     page.fill("[data-radius]", "12.5")
     assert page.locator(".stage circle").count() == 0
-    drag(page, (41, 61))
-    assert page.locator(".stage circle").get_attribute("r") == "12.5"
-    page.get_by_role("button", name="Run again").click()
+    again, fault = page.get_by_role("button", name="Run again"), page.locator(".clip .fault")
+    for number in range(5):
+        assert again.is_disabled()
+        drag(page, (41 + number, 61))
+        if number == 3:  # the reason is beside the field
+            assert fault.first.inner_text() == "flight 1 has 4 of the 5 positions that it needs"
+        press(page, ".stage", "PageDown")
+    press(page, ".stage", "PageUp")
+    assert page.locator(".stage circle").last.get_attribute("r") == "12.5"
+    for name, text in (("flight", "two"), ("flight", "0"), ("radius", "-5"), ("radius", "0.0")):
+        entered = page.input_value(f"[data-{name}]")
+        page.fill(f"[data-{name}]", text)
+        assert again.is_disabled()
+        assert fault.filter(visible=True).inner_text().startswith("a ")
+        page.fill(f"[data-{name}]", entered)
+    again.click()
     page.wait_for_url(lambda url: not url.endswith(student))
     first = pd.read_csv(folder / "uploads" / "a.avi-corrected-2.csv")
-    assert first[WRITTEN].values.tolist() == [[0, 41, 61, 12.5, 1, 0, 0]]
+    assert first[WRITTEN].values.tolist() == [[n, 41 + n, 61, 12.5, 1, 0, 0] for n in range(5)]
 
 
 def test_a_frame_between_two_flights_has_a_reason(page: Any, student: str, folder: Path) -> None:
@@ -326,7 +340,7 @@ def test_a_frame_between_two_flights_has_a_reason(page: Any, student: str, folde
         shows(page, number)
         said += [status.inner_text()]
     assert said[4].startswith("Frame 5: no position: between two flights the ball touches")
-    assert said[7] == "Frame 8: no position"
+    assert said[7] == f"Frame 8: {NONE}"
 
 
 def test_the_frames_of_a_warning_are_shown(page: Any, student: str, folder: Path) -> None:

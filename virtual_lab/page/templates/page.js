@@ -76,8 +76,9 @@ if (panel) {
   const field = name => one(`[name="${name}"]`);
   const numbers = name => (field(name)?.value.match(/[\d.]+/g) ?? []).map(Number);
   const kind = () => part("[type=radio]:checked")?.value;
-  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, rows = [], past = []; // past: functions that undo the changes
-  const here = () => rows.find(row => +row.frame === +slide.value);
+  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, first = [], rows = [], past = []; // first: rows of the result; past: functions that undo the changes
+  const here = (among = rows) => among.find(row => +row.frame === +slide.value);
+  const wrong = () => [flight, radius].find(each => each.validity.patternMismatch);
   // the drift of the camera in the shown frame, from those of the positions around it
   const drift = () => {
     const [a, b] = [rows.findLast(row => +row.frame <= slide.value) ?? rows[0], rows.find(row => +row.frame >= slide.value) ?? rows.at(-1)];
@@ -102,10 +103,14 @@ if (panel) {
     part("[data-undo]").disabled = !corner && !past.length;
     all("[data-clear]", panel).forEach(each => { each.hidden = !field(each.dataset.clear).value; });
     if (!track) return;
-    [part("[data-remove]").disabled, part("button.main").disabled] = [!row, !past.length || !rows.length];
-    if (row) [flight.value, radius.value] = [row.flight, row.radius_px];
+    const [few, some] = Object.entries(Object.groupBy(rows, each => each.flight)).find(([name, of]) => name && of.length < 5) ?? [];
+    const reason = few ? `flight ${few} has ${some.length} of the 5 positions that it needs` : "";
+    flight.setCustomValidity(reason);
+    part(".fault").textContent = wrong() === flight ? flight.title : reason;
+    [part("[data-remove]").disabled, part("button.main").disabled] = [!row, !past.length || !rows.length || chosen.form.matches(":invalid")];
     const ends = [rows.findLast(each => +each.frame < slide.value), rows.find(each => +each.frame > slide.value)].map(each => each?.flight);
-    const none = ends.every(Boolean) && ends[0] !== ends[1] ? "no position: between two flights the ball touches something, or is not seen free of it" : "no position";
+    const between = ends.every(Boolean) && ends[0] !== ends[1] ? ": between two flights the ball touches something, or is not seen free of it" : "";
+    const none = `${here(first) ? "position removed" : `no position${between}`}; a click adds one of this flight and radius`;
     words.textContent = `Frame ${slide.value}: ${row ? `the ball at ${spot(row).map(each => each.toFixed(1)).join(", ")} px, ${row.flight ? `flight ${row.flight}` : "outside flights"}` : none}`;
   };
   const show = async () => {
@@ -116,7 +121,8 @@ if (panel) {
     if (frame !== slide.value) show();
   };
   const step = () => {
-    if (here()) cross = spot(here());
+    const row = here();
+    if (row) [cross, flight.value, radius.value] = [spot(row), row.flight, row.radius_px && +(+row.radius_px).toFixed(2)];
     draw();
     busy ?? show();
   };
@@ -130,7 +136,7 @@ if (panel) {
     const [row, before, frame] = [here(), rows, slide.value];
     past.push(() => { [rows, slide.value] = [before, frame]; });
     rows = [...rows.filter(each => each !== row), ...values ? [{ ...row, ...values }] : []].sort((a, b) => a.frame - b.frame);
-    step();
+    draw();
   };
   const undo = () => {
     if (corner) [corner, words.textContent] = [null, ""];
@@ -139,7 +145,8 @@ if (panel) {
   };
   const set = () => {
     const [drift_x_px, drift_y_px] = drift();
-    if (track) return change({ frame: slide.value, flight: flight.value, radius_px: radius.value, x_px: cross[0] - drift_x_px, y_px: cross[1] - drift_y_px, drift_x_px, drift_y_px });
+    const stated = () => here() ? {} : { flight: flight.value, radius_px: radius.value };
+    if (track) return wrong()?.reportValidity() ?? change({ ...stated(), frame: slide.value, x_px: cross[0] - drift_x_px, y_px: cross[1] - drift_y_px, drift_x_px, drift_y_px });
     const [[x, y], [u, v] = []] = [cross = cross.map(Math.round), corner ?? []];
     const region = [Math.min(x, u), Math.min(y, v), Math.abs(u - x), Math.abs(v - y)].join();
     const scale = `${u},${v}:${x},${y}=${part("[data-length]").value.replace(/ /g, "")}`;
@@ -210,7 +217,7 @@ if (panel) {
     if (target === slide) return step();
     if (target.type === "radio") corner = null;
     if ("zoom" in target.dataset) { stage.style.setProperty("--zoom", target.value); look(); }
-    if (here() && [flight, radius].includes(target)) change({ flight: flight.value, radius_px: radius.value });
+    if (here() && [flight, radius].includes(target) && !wrong()) change({ [target === flight ? "flight" : "radius_px"]: target.value });
     if ("length" in target.dataset && field("scale").value) put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`);
     draw();
   });
@@ -228,13 +235,13 @@ if (panel) {
     const answer = await fetch(`/clip?path=${encode(chosen.value)}`);
     if (panel.hidden = !answer.ok) return;
     const [head, ...lines] = track ? (await (await fetch(track)).text()).trim().split(/\r?\n/).map(each => each.split(",")) : [];
-    rows = lines.map(cells => Object.fromEntries(head.map((name, n) => [name, cells[n]]))).filter(row => row.x_px);
+    first = rows = lines.map(cells => Object.fromEntries(head.map((name, n) => [name, cells[n]]))).filter(row => row.x_px);
     size = await answer.json();
     [cross, slide.max, past.length] = [[size.width / 2, size.height / 2].map(Math.round), size.count - 1, 0];
     Object.assign(stage.style, { aspectRatio: size.width / size.height, maxWidth: `calc(var(--zoom, 1) * ${75 * size.width / size.height}vh)` });
     drawing.setAttribute("viewBox", `-.5 -.5 ${size.width} ${size.height}`);
     slide.value = (track ? rows[0]?.frame : sessionStorage[chosen.value]) ?? 0;
-    if (track) radius.value = rows[0]?.radius_px ?? (size.width / 60).toFixed(1);
+    if (track) radius.value = +(+(rows[0]?.radius_px || size.width / 60)).toFixed(2);
     [panel.inert, words.textContent] = [false, ""];
     step();
     one(".wrong :focus")?.scrollIntoView({ block: "center" }); // the clip has moved it
