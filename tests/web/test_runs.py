@@ -180,6 +180,25 @@ def test_results_of_the_command_line_are_listed(visitor: Visitor) -> None:
     assert "Of the result" not in visitor.ask("/run/1").text
 
 
+@pytest.mark.usefixtures("same_process")
+def test_a_result_links_only_its_own_sources(visitor: Visitor) -> None:
+    """A corrected result, and one that the run used; none that took the name of a folder later."""
+    for earlier in ("", "?run=1", "?run=1", "?run=3"):
+        page = finish(visitor, f"show{earlier}", b"name=r161&toml=yes")
+        assert re.findall(r'Of the result <a href="/run/(\d+)', page.text) == [*earlier[5:]]
+    runs, made = visitor.page.folder / "runs", str(visitor.page.folder / "made")
+    uses = {1: {"out": made}, 2: {"plot": made}, 3: {"out": made}, 4: {"bats": ["r161", made]}}
+    uses[5] = {"out": made}  # the folder was deleted before
+    (runs / "0005").mkdir()
+    for number, values in uses.items():
+        call = {"command": "slope", "values": values, "began": number}
+        (runs / f"{number:04}" / "call.json").write_text(json.dumps(call))
+    (runs / "0003" / "outcome.json").write_text(json.dumps({"written": [made]}))
+    for number, sources in ((1, []), (2, []), (3, []), (4, ["3"]), (5, [])):
+        page = visitor.ask(f"/run/{number}").text
+        assert re.findall(r'Of the result <a href="/run/(\d+)', page) == sources
+
+
 def test_a_run_is_listed_with_the_number_of_its_correction(tmp_path: Path) -> None:
     values = {"clip": "/lab/a.mp4", "corrected": "/lab/uploads/a.mp4-corrected-2.csv", "out": "b"}
     (tmp_path / "call.json").write_text(json.dumps({"values": values}))

@@ -54,7 +54,7 @@ class StartedRun:
 
     @cached_property
     def call(self) -> dict[str, Any]:
-        """Name of the command, given values as texts, and time of the start."""
+        """Name of the command, values as texts, time of the start, number of the corrected run."""
         return _read(self.path / CALL)
 
     @property
@@ -63,13 +63,10 @@ class StartedRun:
         return {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
 
     def is_of(self, other: StartedRun) -> bool:
-        """Return whether the run used what another one wrote, or corrects its track."""
-        used = {text for each in self.call["values"].values() for text in texts(each)}
-        by_hand = {"corrected": self.values.get("corrected")}
-        corrects = any(by_hand.values()) and other.number < self.number
-        return bool(used & {*other.outcome["written"]}) or (
-            corrects and other.values | by_hand == self.values
-        )
+        """Return whether the run used what an earlier one wrote, or corrects its track."""
+        used = {text for each in self.values.values() for text in texts(each)}
+        uses = used & {*other.outcome["written"]} and other.call["began"] < self.call["began"]
+        return bool(uses) or self.call.get("of") == other.number
 
     @property
     def stated(self) -> str:
@@ -114,10 +111,13 @@ class Runs:
         self.folder, self.lock = folder, Lock()
         self.workers: dict[int, Worker] = {}  # of the runs in progress
 
-    def start(self, command: Command, values: Mapping[str, Any]) -> StartedRun:
+    def start(
+        self, command: Command, values: Mapping[str, Any], of: int | None = None
+    ) -> StartedRun:
         """Start a run. Raises `InputError` for values that are not allowed, or if two are running.
 
-        The values are those of a form; folders and files of the result are added.
+        The values are those of a form; folders and files of the result are added. `of` is the
+        number of the run whose result the form corrects.
         """
         new = _new_fields(command, values)
         command.require(bind(command, {**values, **dict.fromkeys(new, "x")}).values)
@@ -128,7 +128,7 @@ class Runs:
             number = self._next()
             values = {**values, **self._places(command, values, new, number)}
             check_target(bind(command, values))
-            call = {"command": command.name, "values": values, "began": time.time()}
+            call = {"command": command.name, "values": values, "began": time.time(), "of": of}
             path = self._store(number, {CALL: call})
             self.workers[number] = Worker(f"run {number}")
         run = StartedRun(path, True)

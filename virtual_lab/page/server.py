@@ -83,12 +83,16 @@ class Page:
     def ask(self, request: Request) -> Response:
         """Return the form of a command, with the values of an address or of an earlier run."""
         command, stated = self._command(request), request.query_params
-        number = stated.get("run", "")
-        run = self.runs.get(int(number)) if number.isdecimal() and len(number) < 7 else None
+        run = self._earlier(request)
         if run is None:
             return self.form(command, {key: stated.getlist(key) for key in stated}, {})
         values = {key: texts(each) for key, each in run.call["values"].items()}
         return self.form(command, values, {run.outcome["field"]: run.outcome["refused"]})
+
+    def _earlier(self, request: Request) -> StartedRun | None:
+        """Return the run that the address of a form states, or None."""
+        number = request.query_params.get("run", "")
+        return self.runs.get(int(number)) if number.isdecimal() and len(number) < 7 else None
 
     def _command(self, request: Request) -> Command:
         command = self.commands.get(request.path_params["name"])
@@ -99,10 +103,11 @@ class Page:
     @parameters_named(field_name)
     def begin(self, request: Request, form: Mapping[str, Sequence[str]]) -> Response:
         """Start a run with the values of a form, or return the form with what is refused."""
-        command = self._command(request)
+        command, earlier = self._command(request), self._earlier(request)
+        of = earlier.number if earlier else None
         form = {key: form.get(key, ()) for key in command.parameters}
         try:
-            run = self.runs.start(command, given(command, form))
+            run = self.runs.start(command, given(command, form), of)
         except RefusedError as fault:
             refused = {key: self._sentence(command, key, form) for key in fault.faults}
             return self.form(command, form, refused)
