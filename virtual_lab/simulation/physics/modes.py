@@ -7,6 +7,7 @@ bat. All have unit modal mass, so a force F at z accelerates coordinate i by ``s
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import isfinite
 from typing import Self, assert_never
 
@@ -117,6 +118,7 @@ class Modes:
         return full.reshape(*places.shape, self.count)
 
 
+@lru_cache(maxsize=16)  # choice and use of a collision model need the same modes
 def modes_of(
     body: BatBody,
     support: Support,
@@ -142,9 +144,10 @@ def modes_of(
     rigid = _rigid_modes(beam, support)
     free = _free_freedoms(beam, support)
     sprung = _sprung(beam, support)
-    squares, vectors = (
-        _no_modes(rigid) if bending == 0 else _bending_modes(sprung, free, rigid, bending)
-    )
+    if bending == 0:
+        squares, vectors = np.zeros(0), rigid[:, :0]
+    else:
+        squares, vectors = _bending_modes(sprung, free, rigid, bending)
     shapes = np.concatenate((rigid, vectors), axis=1)
     angular = (np.zeros(rigid.shape[1]), np.sqrt(squares), _hoop_frequency(body.hoop))
     n = beam.mesh.nodes.size
@@ -242,10 +245,6 @@ def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
     return np.setdiff1d(everything, support_dofs)
 
 
-def _no_modes(rigid: Array) -> tuple[Array, Array]:
-    return np.zeros(0), np.zeros((len(rigid), 0))
-
-
 def _bending_modes(
     beam: Beam, free: NDArray[np.intp], rigid: Array, bending: int | None
 ) -> tuple[Array, Array]:
@@ -268,7 +267,7 @@ def _bending_modes(
     vectors[free] = reduced[:, skip:]
     # Rounding errors of the stiffest modes remain in the softest ones: remove their rigid part.
     for _ in range(2):
-        vectors -= rigid @ (rigid.T @ (beam.mass_matrix @ vectors))
+        vectors -= rigid @ (rigid.T @ beam.mass_matrix @ vectors)
     scale = np.sqrt(np.einsum("ij,ij->j", vectors, beam.mass_matrix @ vectors))
     tip = np.where(vectors[0] < 0, -1.0, 1.0)
     return squares, vectors * (tip / scale)

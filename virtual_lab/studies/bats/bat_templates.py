@@ -272,7 +272,7 @@ def compute_quantities(
     values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
     count = max(frequencies, nodes)
     if count:
-        modes = modes_of(body, Free(), count, **COARSE)  # type: ignore[arg-type]
+        modes = modes_of(body, Free(), count, **COARSE)
         bending = modes.bending_frequencies[:frequencies]
         values |= {f"f{i + 1}": float(f) for i, f in enumerate(bending)}
         places = barrel_nodes(modes, nodes) if nodes else ()
