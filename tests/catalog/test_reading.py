@@ -19,6 +19,7 @@ from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog.faults import FaultSheet
 from virtual_lab.catalog.specs import BallSpec, Dimension, HoopMode, Spec
+from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.instruments.air import GravitySpec, HallAirSpec
@@ -100,9 +101,9 @@ def test_every_fault_reads(name: str) -> None:
 
 
 def test_every_folder_of_the_catalog_is_read_here() -> None:
-    """Each folder of the catalog has a test above; `page` holds words, which its forms test."""
+    """Each folder of the catalog has a test above; `page` and `forms` are tested elsewhere."""
     holding = {path.parent.name for path in DATA.glob("*/*.toml")}
-    assert holding - {"page"} == {
+    assert holding - {"forms", "page"} == {
         "bats",
         "balls",
         "bench",
@@ -145,7 +146,7 @@ def test_every_source_key_is_explained() -> None:
     """Every source key of a number is explained, and every explanation is used."""
     explained = tomllib.loads((DATA / "sources.toml").read_text("utf-8"))
     file_of_key: dict[str, Path] = {}
-    for path in sorted(DATA.rglob("*/*.toml")):
+    for path in sorted({*DATA.rglob("*/*.toml")} - {*DATA.glob("forms/*")}):
         document = tomllib.loads(path.read_text("utf-8"))
         file_of_key.update(dict.fromkeys(_sources(document), path))
     for path in [*sorted(DATA.glob("*/*.csv")), PUBLISHED]:
@@ -229,7 +230,7 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
         ('source = "assumed"', 'source = ""', "body.profile.z", None, "the origin of the number"),
         ('source = "assumed"', "source = 3", "body.profile.z", None, "the origin of the number"),
         ('source = "assumed"', 'sauce = "x"', "body.profile.z", None, "unknown key 'sauce'"),
-        ('name = "r161"\n', "", "name", None, "missing"),
+        ('name = "r161"\n', "", "name", None, "this key is missing"),
         ('name = "r161"', "name = 161", "name", "161", "string"),
         ("[0, 2, 5, 8", "[0, 2, 8, 5", "body.profile", None, "z must increase"),
         ("[0, 2, 5, 8", "[0, 2, 2, 8", "body.profile", None, "z must increase"),
@@ -264,6 +265,45 @@ def test_every_fault_of_a_bat_file_is_named(
     if value is not None:
         assert value in str(fault.value)
         assert value in str(fault)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "allowed"),
+    [
+        ({"\nname": "\n# ", "\ntitle": "\n# "}, "name, title", "these keys are missing"),
+        (
+            {"\nname": "\nnam", "\ntitle": "\ntitel"},
+            "nam, titel",
+            "unknown keys; missing: name, title; allowed: name, title, body",
+        ),
+        ({"\nname": "\nnaem"}, "naem", "did you mean name? missing: name; allowed: name"),
+        (
+            {", verified = false": ""},
+            "body.profile.z, body.profile.outer_diameter",
+            "lacks 'verified'",
+        ),
+    ],
+)
+def test_the_keys_of_a_table_with_one_fault_are_named_together(
+    changes: dict[str, str], key: str, allowed: str
+) -> None:
+    text = "\n" + BAT[BAT.index("name = ") :]
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    fault = _refused(text)
+    assert fault.key == key
+    assert allowed in fault.allowed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Listed(Spec):
+    rows: tuple[int, ...]
+
+
+def test_of_the_items_of_a_list_the_first_is_named() -> None:
+    with pytest.raises(InputError, match=r"^x: rows\.1 = 'a'; must be a valid integer"):
+        validate({"rows": [1, "a", *"bcdefgh"]}, "x", _Listed)
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,8 @@ class Dimension:
             or not isinstance(value, int | float)
             or not abs(value) < 1e300  # an integer in TOML can exceed every float
         ):
-            raise ValueError("value must be a finite number")
+            quotes = ", without quotes" if isinstance(value, str) else ""
+            raise ValueError(f"value must be a finite number{quotes}")
         number = to_si(float(value), unit, self.name)
         if self.low <= number <= self.high:
             return number

@@ -24,7 +24,8 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
     """Return a parsed document, converted to the class `spec`, with numbers in SI units.
 
     Raises `InputError` for the first value that does not fit. The message names the file `where`,
-    the key and the value.
+    the key and the value. All keys of the same table with the same error are named together, and
+    missing keys beside unknown ones.
     """
     from pydantic import ValidationError
 
@@ -35,21 +36,29 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         # a mistyped key gives two errors: one key is unknown, and one is missing
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
-        place = _place(document, error["loc"])
-        key, value = ".".join(map(str, place)), _at(document, place)
+        table, is_missing = error["loc"][:-1], error["type"] == "missing"
+        beside = [each for each in errors if each["loc"][:-1] == table]
+        missing = [str(each["loc"][-1]) for each in beside if each["type"] == "missing"]
+        places = [each["loc"] for each in beside if each["msg"] == error["msg"]]
+        if not is_missing:
+            places = [*dict.fromkeys(_place(document, each) for each in places)]
+        if any(isinstance(name, int) for name in places[0][-1:]):  # one of many items of a list
+            places = places[:1]
+        key = ", ".join(".".join(map(str, place)) for place in places)
+        value = None if is_missing or len(places) > 1 else _at(document, places[0])
         message = error["msg"].removeprefix("Value error, ")
         for theirs, ours in WORDS.items():
             message = message.replace(theirs, ours)
         if error["type"] == "dataclass_type":
-            message = f"must be a table {{ {', '.join(_keys(spec, place))} }}"
-        if error["type"] == "missing":
-            key, value, message = ".".join(map(str, error["loc"])), None, "this key is missing"
+            message = f"must be a table {{ {', '.join(_keys(spec, places[0]))} }}"
+        if is_missing:
+            message = f"{'this key is' if len(missing) == 1 else 'these keys are'} missing"
         if unknown:
-            *above, name = error["loc"]
-            keys = _keys(spec, tuple(above))
-            missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
-            hint = nearest(name, missing) or nearest(name, keys)
-            value, message = None, f"unknown key, {hint}allowed: {', '.join(keys)}"
+            keys = _keys(spec, table)
+            hint = nearest(places[0][-1], missing) or nearest(places[0][-1], keys)
+            kind = f"unknown key, {hint}" if len(places) == 1 else "unknown keys; "
+            others = f"missing: {', '.join(missing)}; " if missing else ""
+            value, message = None, f"{kind}{others}allowed: {', '.join(keys)}"
         raise InputError(where, key or "file", value, message) from fault
 
 
