@@ -1,6 +1,7 @@
 """Profiles and comparisons against the collision model, position by position."""
 
 import html
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.compare import BatComparison, compare
 from virtual_lab.studies.bats.profile import GameConditions, profiles
+from virtual_lab.studies.bats.text import comparison_text
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 
@@ -97,7 +99,31 @@ def test_the_text_begins_with_the_hardest_hitter(compared: BatComparison) -> Non
         assert both[0] in sentence
         assert sentence.endswith(f"{both[1]} more than r161")
         assert "ea70 hits hardest" in sentence
-    assert equal.startswith("swung equally fast")
+    assert equal.startswith("swung at the same angular speed")
+
+
+@pytest.mark.parametrize(
+    ("lead", "said"),
+    [
+        (0.04, "ea70 and r161 hit equally hard: up to 100.0 mph (44.7 m/s)"),
+        (0.06, ", 0.1 mph (0.0 m/s) more than r161"),
+    ],
+)
+def test_a_difference_that_rounds_to_0_is_none(
+    lead: float, said: str, compared: BatComparison
+) -> None:
+    """For the law of constant energy, too, which does not swing both bats alike."""
+    rows = [
+        replace(row, swing_exponent=law, peaks=row.peaks | {"peak_batted_speed_mph": speed})
+        for row, law in zip(compared.peaks, (0.0, None, 0.0, None), strict=True)
+        for speed in [100 + lead if row.bat == "ea70" else 100]
+    ]
+    sentences = comparison_text(rows, compared.differences, {}).partition("\n")[0].split("; ")
+    for sentence, swung in zip(
+        sentences, ("swung at the same", "if a bat of smaller"), strict=True
+    ):
+        assert said in sentence
+        assert sentence.startswith(swung)
 
 
 def test_a_peak_lies_on_the_barrel() -> None:

@@ -202,7 +202,10 @@ def comparison_text(
 
 
 def _hardest_hitters(peaks: Sequence[Peaks]) -> str:
-    """Return the bat with the fastest batted ball, and its lead, for each swing law."""
+    """Return the bat with the fastest batted ball, and its lead, for each swing law.
+
+    Two bats hit equally hard if the lead is 0.0 in print.
+    """
     answers = []
     for law in dict.fromkeys(row.swing_exponent for row in peaks):
         speeds = {
@@ -213,11 +216,12 @@ def _hardest_hitters(peaks: Sequence[Peaks]) -> str:
         first, second = sorted(speeds, key=lambda bat: -speeds[bat])[:2]
         lead = speeds[first] - speeds[second]
         faster = f"if a bat of smaller inertia is swung faster ({swing_text(law)})"
-        swung = faster if law else "swung equally fast"
-        answers.append(
-            f"{swung}, {first} hits hardest: up to {with_unit(speeds[first], 'mph', '.1f')}, "
-            f"{with_unit(lead, 'mph', '.1f')} more than {second}"
-        )
+        swung = "swung at the same angular speed" if law == 0 else faster
+        top, more = (with_unit(each, "mph", ".1f") for each in (speeds[first], lead))
+        if lead < 0.05:
+            answers.append(f"{swung}, {first} and {second} hit equally hard: up to {top}")
+        else:
+            answers.append(f"{swung}, {first} hits hardest: up to {top}, {more} more than {second}")
     return "; ".join(answers)
 
 
