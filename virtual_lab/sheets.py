@@ -444,6 +444,7 @@ AnyBall = Annotated[AnyEntry, entry_rule("balls")]
 AnyProcedure = Annotated[AnyEntry, PROCEDURE]
 FORM_TITLES = {  # forms besides those of a procedure
     "laboratory": "Particulars of a laboratory, for its certificates",
+    "measurements": "Measurements of a bat of your own, to fit a bat to them",
     "prices": "Prices of instruments and time, for a plan",
 }
 AnyForm = Annotated[

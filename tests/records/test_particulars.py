@@ -12,6 +12,7 @@ import pytest
 from tests.conftest import PROCEDURE
 from tests.laboratories import certified
 from virtual_lab import lab
+from virtual_lab.catalog.reading import DATA
 from virtual_lab.certificate.document import document_of
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
@@ -22,7 +23,6 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.records.particulars import (
     NOTHING_STATED,
     Particulars,
-    form,
     particulars_of,
     read_particulars,
 )
@@ -69,7 +69,7 @@ def test_particulars_are_read_from_a_file(stated: Particulars) -> None:
 
 def test_the_empty_form_has_every_key_and_states_nothing() -> None:
     """Keys in comments count, too: authoriser and instruments may not be empty."""
-    text = "\n".join(form())
+    text = (DATA / "forms" / "laboratory.toml").read_text("utf-8")
     assert particulars_of(parse_toml(text, "form"), "form") == NOTHING_STATED
     filled = re.sub(r'^#? ?(\w+) = ""', r'\1 = "2026-11-25"', text, flags=re.MULTILINE)
     filled = filled.replace('logo = "2026-11-25"', 'logo = ""')  # a picture, no words

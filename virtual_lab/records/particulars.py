@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -301,35 +301,6 @@ def particulars_of(
             raise InputError(where, key, day, f"allowed: {earlier} ({before.key}) or later")
         before = day_row if day else before
     return particulars
-
-
-def form() -> Iterator[str]:
-    """Yield the lines of a form for the particulars of a test, to be filled in by the user.
-
-    Particulars are the names and addresses of laboratory, customer and persons, and the
-    identification of bat and instruments. The form is in TOML format, with every key and with
-    comments. The lines have no line ends.
-    """
-    words = {row.key: row.words for row in PRINTED}
-    words["laboratory.logo"] = "Name of a .png file in the same folder, up to 200 kB"
-    yield "# Particulars of a test: laboratory, customer, bat, persons. Any line may stay empty or"
-    yield "# be deleted; the certificate lists what is not stated. Dates are written 2026-11-25."
-    for table in fields(Particulars):
-        kind = table.default
-        if is_dataclass(kind):
-            yield ""
-            yield f"[{table.name}]"
-            for key in fields(kind):
-                yield f'{key.name} = ""  # {words[f"{table.name}.{key.name}"].lower()}'
-    yield ""
-    yield "# [authorised_by]"
-    yield '# name = ""'
-    yield '# role = ""'
-    yield ""
-    yield "# [instruments.gates]  # one table per instrument; it is added to the instruments of the"
-    yield "# rigs, or replaces the one with the same name"
-    for key in fields(InstrumentIdentity):
-        yield f'# {key.name} = ""'
 
 
 def _without_empty(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -7,14 +7,15 @@ procedure needs.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from math import prod
 from pathlib import Path
 from typing import get_args
 
 from virtual_lab import catalog
+from virtual_lab.catalog.reading import DATA
 from virtual_lab.catalog.specs import CHECK_STANDARD, Construction
-from virtual_lab.files import check_new_folder, new_files, new_folder
+from virtual_lab.files import check_new_folder, new_files, new_folder, read_text
 from virtual_lab.files.folders import NewFolder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
@@ -27,16 +28,12 @@ from virtual_lab.records import (
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
-from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
-from virtual_lab.sheets import AnyForm, entry_name
+from virtual_lab.sheets import FORM_TITLES, AnyForm, entry_name
 from virtual_lab.studies.foreign import LOGGER_TABLES, optional_constants, our_session
-from virtual_lab.studies.plan.prices import prices_form
 from virtual_lab.units import DIMENSIONS
 
 OWN_RULES = "procedure.toml"
-# forms of one file, by the word in place of a procedure
-FORMS: Mapping[str, Callable[[], Iterable[str]]] = {"laboratory": form, "prices": prices_form}
 MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
     "climate": f"{DENSITY} is used",
     "store": "the conditioning of the balls is not checked",
@@ -51,23 +48,25 @@ MEASURED = {  # quantities read in channels of the bench
 
 
 def template(procedure: AnyForm, folder: NewFolder) -> Path:
-    """Write empty record forms.
+    """Write empty forms for measurements.
 
-    The forms are those of a procedure, for another laboratory, in a new folder. If `procedure` is
-    ``laboratory``, only a template for the file of particulars (laboratory, customer, bat) for
-    ``certify`` is written. If `procedure` is ``prices``, only a template for the file of prices for
-    ``plan`` is written. If an error is raised, no partial files are left. The path of the folder or
-    file is returned.
+    The forms of a procedure, for the records of another laboratory, are in a new folder. The other
+    forms are single files: ``laboratory``, the particulars (laboratory, customer, bat) for
+    ``certify``; ``measurements``, the measurements of a bat for ``fit-bat``; and ``prices`` for
+    ``plan``. If an error is raised, no partial files are left. The path of the folder or file is
+    returned.
 
     Parameters
     ----------
     procedure
-        A procedure: a name in the catalog or a .toml file. Or ``laboratory`` or ``prices``.
+        A procedure: a name in the catalog or a .toml file. Or ``laboratory``, ``measurements`` or
+        ``prices``.
 
         In Python, a sheet such as ``vl.procedure("bbcor")`` is also allowed.
     folder
         Path of the new folder. The folder gets a file ``laboratory.toml`` for the constants, and
-        one CSV table per record. For ``laboratory`` and ``prices`` it is the path of the new file.
+        one CSV table per record. For ``laboratory``, ``measurements`` and ``prices`` it is the
+        path of the new file.
 
     Raises
     ------
@@ -75,8 +74,11 @@ def template(procedure: AnyForm, folder: NewFolder) -> Path:
         The procedure is unknown, or the folder is not empty or cannot be written.
     """
     procedure, folder = entry_name(procedure), Path(folder)
-    if procedure in FORMS:
-        return write_form(folder, FORMS[procedure]())
+    if procedure in FORM_TITLES:
+        text = read_text(DATA / "forms" / f"{procedure}.toml")
+        with new_files(folder.parent) as draft:
+            (draft / folder.name).write_text(text, encoding="utf-8")
+        return folder
     check_new_folder(folder)
     session = our_session(procedure)
     own_procedure = procedure.endswith(".toml")
@@ -90,16 +92,6 @@ def template(procedure: AnyForm, folder: NewFolder) -> Path:
             for channel, record in records.items():
                 (draft / stage / f"{channel}.csv").write_text(_table(record), encoding="utf-8")
     return folder
-
-
-def write_form(path: Path, lines: Iterable[str]) -> Path:
-    """Write the lines of an empty form into a new file, and return its path.
-
-    Missing folders are created. Raises `InputError` if the file exists or cannot be written.
-    """
-    with new_files(path.parent) as draft:
-        (draft / path.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
 
 
 def _form(session: Session, procedure: str) -> Iterator[str]:

@@ -1,19 +1,26 @@
 """A fitted bat as a file: it has the measured values, and states what was not measured."""
 
+import json
+import re
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+import virtual_lab
 from tests.pictures import lines_of
-from virtual_lab.catalog import load_bat
+from virtual_lab.catalog import load, load_bat
 from virtual_lab.catalog.specs import NO_SPREAD
 from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.studies.bats.bat_templates import TEMPLATES, BatMeasurements
 from virtual_lab.studies.bats.fit_bat import FittedBat, _quantities, fit_bat, remark_on
+from virtual_lab.studies.template import template
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 MEASURED = """
@@ -36,6 +43,68 @@ bending_frequencies = { value = [164, 551], unit = "Hz", source = "tap", verifie
 def test_the_help_names_every_key() -> None:
     keys = {each.name.removesuffix("_u") for each in fields(BatMeasurements)}
     assert [key for key in keys if f"``{key}``" not in (fit_bat.__doc__ or "")] == []
+
+
+def fill(form: str, numbers: Mapping[str, Any]) -> str:
+    """Return a form with values in the lines of the keys of `numbers`, without their # signs."""
+    for key, value in numbers.items():
+        line = rf'(?m)^(?:# )?({key} = (?:\{{ value = )?)(?:\["\?", "\?"\]|".*?")'
+        form, count = re.subn(line, rf"\g<1>{json.dumps(value)}", form)
+        assert count == 1, key
+    return form
+
+
+@pytest.fixture
+def form(tmp_path: Path) -> Path:
+    return template("measurements", tmp_path / "form.toml")
+
+
+def test_the_form_filled_in_with_the_numbers_of_the_page_is_fitted(form: Path) -> None:
+    page = (Path(virtual_lab.__file__).parent / "docs" / "a-bat.md").read_text("utf-8")
+    filled_in = page.partition("measured.toml <<'END'\n")[2].partition("END\n")[0]
+    numbers = {
+        key: each["value"] if isinstance(each, dict) else each
+        for key, each in parse_toml(filled_in, "a-bat.md").items()
+    }
+    form.write_text(fill(form.read_text("utf-8"), numbers), "utf-8")
+    fitted = fit_bat(form, members=2)
+    measured = fitted.measured
+    assert (measured.name, measured.template, measured.sport) == ("mybat", "wood", "baseball")
+    found = (measured.length, measured.z_cm, measured.inertia_axis, measured.mass, measured.mass_u)
+    expected = (33 * INCH, 10.9 * INCH, 27 * INCH, 30 * OUNCE, 0.02 * OUNCE)
+    assert found == pytest.approx(expected)
+    assert measured.inertia == pytest.approx(9900 * OZ_IN2)
+    assert measured.bending_frequencies == (172, 575)
+    assert fitted.members == 2
+
+
+def test_each_line_of_the_form_can_be_used(form: Path) -> None:
+    """Each number of a hollow bat, with its u, in the unit of the form."""
+    numbers: dict[str, Any] = {
+        "length": 33,
+        "mass": 30,
+        "z_cm": 13,
+        "inertia": 9900,
+        "inertia_axis": 27,
+        "bending_frequencies": [200, 680],
+        "barrel_nodes": [7, 5],
+        "hoop_frequency": 1800,
+        "hoop_modal_mass": 80,
+    }
+    us = {f"{key}_u": [0.1, 0.1] if isinstance(x, list) else 0.1 for key, x in numbers.items()}
+    words = {"template": "hollow", "sport": "softball", "construction": "aluminum"}
+    text = fill(form.read_text("utf-8"), numbers | us | words)
+    form.write_text(text, "utf-8")
+    assert parse_toml(text, "form").keys() == {each.name for each in fields(BatMeasurements)}
+    measured = load("bats", str(form), BatMeasurements).spec
+    assert measured.hoop_modal_mass == pytest.approx(0.080)
+    assert measured.barrel_nodes_u == pytest.approx((0.1 * INCH, 0.1 * INCH))
+
+
+def test_an_empty_form_is_refused_with_its_open_keys(form: Path) -> None:
+    form.write_text(form.read_text("utf-8").replace('template = "?"', 'template = "wood"'))
+    with pytest.raises(InputError, match=r"length, mass, z_cm, inertia, inertia_axis; .*quotes"):
+        fit_bat(form)
 
 
 @pytest.fixture(scope="module")
@@ -65,16 +134,24 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
 
 def test_parameters_unlike_those_of_other_bats_are_named(weighed: tuple[Path, FittedBat]) -> None:
     """2.4 typical spreads away is usual; the density, 650 ± 50 kg/m³, is beyond 2.5."""
-    template = TEMPLATES["wood"]
-    signs = np.where(template.usual == 650.0, -2.6, 2.4)
-    parameters = template.usual + signs * template.spread
+    wood = TEMPLATES["wood"]
+    signs = np.where(wood.usual == 650.0, -2.6, 2.4)
+    parameters = wood.usual + signs * wood.spread
     _, fitted = weighed
     odd = replace(fitted, fitted=replace(fitted.fitted, parameters=parameters))
     assert odd.unusual.endswith("Deviations in typical spreads: density -2.6.")
-    assert odd.unusual in odd.text
-    assert f"# {odd.unusual}\n" in odd.toml
-    usual = replace(fitted, fitted=replace(fitted.fitted, parameters=template.usual))
-    assert usual.unusual == ""
+    rows = {row.quantity: row for row in fitted.spread}
+    peak, place = rows["peak e_A"], rows["position of peak e_A"]
+    answer = (
+        f"peak e_A of mine: {peak.value:.3f} ({peak.lowest:.3f} to {peak.highest:.3f} among the "
+        f"bats that fit), {place.value:.1f} in from the tip"
+    )
+    assert odd.text.splitlines()[0] == f"{answer}. {odd.unusual}"
+    assert f"# {answer}. {odd.unusual}\n" in odd.toml
+    usual = replace(fitted, fitted=replace(fitted.fitted, parameters=wood.usual))
+    assert usual.text.splitlines()[0] == answer
+    ended = replace(usual, spread=[replace(row, remark="at an end") for row in fitted.spread])
+    assert ended.text.splitlines()[0] == f"{answer}, at an end"
     assert "free bat, ball of the game conditions, 160 mph" in usual.text
 
 

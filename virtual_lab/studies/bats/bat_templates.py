@@ -244,10 +244,11 @@ def fit(measured: BatMeasurements, target: Array | None = None) -> BodyFit:
         if abs(value) > max(_tolerance(name), 3 * _u(name, measured))
     }
     if missed:
-        allowed = "no bat of this template fits the data; misfit of the best one (z from the tip): "
-        raise InputError(
-            measured.name, "template", measured.template, allowed + _misfit_words(missed)
+        allowed = (
+            "no bat of this template fits the data; positions count from the barrel tip: subtract "
+            f"those from the knob from the length; misfit of the best one: {_misfit_words(missed)}"
         )
+        raise InputError(measured.name, "template", measured.template, allowed)
     return BodyFit(body=body, parameters=np.asarray(parameters), misfits=misfits)
 
 

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 UNUSUAL = 2.5  # deviation of a parameter that is stated [typical spreads]; most bats: up to 2
+HINT = "'template measurements FILE' writes an empty form with all keys and units"
 WORDS = "e_A: free bat, ball of the game conditions, 160 mph; a certificate has those of its rules"
 PEAK_PLACE = "position of peak e_A"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
@@ -103,13 +104,25 @@ class FittedBat(StudyResult):
 
     @property
     def text(self) -> str:
-        """Table of the spread, and the misfits."""
+        """The peak of e_A and unusual parameters, the table of the spread, and the misfits."""
         worst = ", ".join(
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
         )
-        parts = (self.unusual, table_text(self.spread), f"misfits (relative): {worst}", WORDS)
-        return "\n\n".join(part for part in parts if part)
+        top, place = (row for row in self.spread if row.quantity in ("peak e_A", PEAK_PLACE))
+        answer = (
+            f"peak e_A of {self.measured.name}: {top.value:.3f} ({top.lowest:.3f} to "
+            f"{top.highest:.3f} among the bats that fit), {place.value:.1f} in from the tip"
+            f"{place.remark and f', {place.remark}'}"
+        )
+        answer = ". ".join(part for part in (answer, self.unusual) if part)
+        parts = (
+            answer,
+            table_text(self.spread),
+            f"misfits (relative): {worst}",
+            WORDS,
+        )
+        return "\n\n".join(parts)
 
     @property
     def unusual(self) -> str:
@@ -176,19 +189,20 @@ def fit_bat(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
-    """Fit a bat to measurements.
+    """Fit a bat to measurements in a form.
 
     The table has the uncertainty that remains.
 
     Parameters
     ----------
     path
-        File of the measurements, .toml, with the keys ``name``, ``title``, ``template`` (wood or
-        hollow), ``length``, ``mass``, ``z_cm`` (balance point), ``inertia`` and ``inertia_axis``.
-        Positions are distances from the barrel tip. Optional keys: ``sport``,
-        ``construction``, ``bending_frequencies`` and ``barrel_nodes`` (of the first two modes),
-        ``hoop_frequency``, ``hoop_modal_mass``, and the u of a number, such as ``mass_u``. A number
-        is a table, such as
+        File of the measurements, .toml: the filled-in form that ``template measurements FILE``
+        writes, with the keys ``name``, ``title``, ``template`` (wood or hollow), ``length``,
+        ``mass``, ``z_cm`` (balance point), ``inertia`` and ``inertia_axis``. Positions are
+        distances from the barrel tip: subtract those from the knob from the length. Optional keys:
+        ``sport``, ``construction``, ``bending_frequencies`` and ``barrel_nodes`` (of the first two
+        modes), ``hoop_frequency``, ``hoop_modal_mass``, and the u of a number, such as ``mass_u``.
+        A number is a table, such as
         mass = { value = 30, unit = "oz", source = "measured", verified = true }.
     members
         Number of fitted bats that show the spread. A bat is omitted if its fit fails.
@@ -207,12 +221,16 @@ def fit_bat(
         bat's outline.
     """
     path = str(path)
-    if not path.endswith(".toml"):
-        raise InputError("", "measurements", path, "allowed: a .toml file")
-    measured = catalog.load("bats", path, BatMeasurements).spec
+    try:
+        if not path.endswith(".toml"):
+            raise InputError("", "measurements", path, "allowed: a .toml file")
+        measured = catalog.load("bats", path, BatMeasurements).spec
+        require_plausible_hoop(measured)
+        best = fit(measured)
+    except InputError as fault:
+        allowed = f"{fault.allowed}; {HINT}"
+        raise InputError(fault.where and path, fault.key, fault.value, allowed) from fault
     template = TEMPLATES[measured.template]
-    require_plausible_hoop(measured)
-    best = fit(measured)
     streams = Streams(seed)
     draws = streams.normal("fit-bat", (members, len(template.parameters)))
     errors = streams.normal("fit-bat measurements", (members, len(MEASURED), 2))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Self
@@ -96,19 +96,3 @@ class Prices(Spec):
             np.zeros(sets.size),
         )
         return np.asarray(of_instruments.reshape(-1, *(1,) * np.ndim(balls)) + of_tests)
-
-
-def prices_form() -> Iterator[str]:
-    """Yield the lines of a template for the file of prices, without newlines."""
-    yield "# Prices for 'virtual-lab plan --prices'. Give each number its unit and its source."
-    yield "# All prices are in one currency. An instrument is exchanged for one with half of each"
-    yield "# standard uncertainty and scatter. If its price has a key sheet, such as"
-    yield '# { value = 900, unit = "USD", source = "offer", sheet = "offer.toml" }, it is exchanged'
-    yield "# for the instrument of this sheet, which lies beside this file."
-    entry = '{{ value = 0, unit = "{}", source = "" }}  # {}'
-    yield f"tests = {entry.format('1', 'number of tests for which the plan is made')}"
-    yield f"per_minute = {entry.format('USD', 'of a minute of laboratory time')}"
-    yield f"per_ball = {entry.format('USD', 'of a ball, in each test')}"
-    yield ""
-    yield "[instruments]  # an instrument that is not named is not exchanged"
-    yield f"# pivot-gates = {entry.format('USD', 'names: virtual-lab show RIG')}"
