@@ -61,6 +61,22 @@ def finish(visitor: Visitor, name: str, fields: bytes) -> Page:
     return visitor.ask(answer.headers["location"])
 
 
+@pytest.mark.usefixtures("same_process")
+def test_a_fitted_bat_leads_to_its_profile_and_its_test(visitor: Visitor) -> None:
+    """The form of each has the file of the bat."""
+    form = vl.template("measurements", visitor.page.folder / "measured.toml")
+    words = form.read_text("utf-8").replace('template = "?"', 'template = "wood"')
+    numbers = {"length": 33, "mass": 30, "z_cm": 11, "inertia": 9900, "inertia_axis": 27}
+    for key, number in numbers.items():
+        words = words.replace(f'\n{key} = {{ value = "?"', f"\n{key} = {{ value = {number}")
+    form.write_text(words, "utf-8")
+    result = finish(visitor, "fit-bat", f"path={quote(str(form))}&members=2".encode())
+    for name in ("profile", "certify"):
+        (place,) = re.findall(rf'href="(/form/{name}\?[^"]*)"', result.text)
+        chosen = r'value="[^"]*fit-bat-measured\.toml" (checked|selected)'
+        assert re.search(chosen, visitor.ask(place).text)
+
+
 def names_in(archive: Page) -> set[str]:
     return {Path(name).name for name in zipfile.ZipFile(BytesIO(archive.body)).namelist()}
 
