@@ -117,9 +117,9 @@ def test_a_debrief_in_the_making_delays_no_other_day(
     other, held = Browser(served(tmp_path / "other")), threading.Event()
     other.open()
     browser.do("give-verdict", verdict="INVALID")
-    browser.do("hand-in")
     try:
         DEBRIEFS.do(held.wait)  # another's
+        browser.do("hand-in")
         waiting = browser.ask("/debrief", patient=False)
         assert (waiting.status, waiting.headers["refresh"]) == (202, "1")
         assert "reloads automatically. Debriefs before yours: 1." in waiting.text
@@ -210,6 +210,8 @@ def test_forms_alone_play_a_day_to_its_debrief(browser: Browser) -> None:
     assert "sandbox" in certificate.headers["content-security-policy"]
     assert "SIMULATED" in certificate.text
     assert browser.do("hand-in").status == 303
+    DEBRIEFS.do(int).result()
+    assert (browser.day.folder / "debrief.html").exists()  # also if nobody opens it
     assert "Debrief" in browser.ask("/debrief").text
     assert "in_book" not in browser.ask("/").text
 

@@ -47,6 +47,8 @@ class SameProcess:
     def end(self) -> None:
         """Do nothing: the call has ended."""
 
+    dismiss = end
+
 
 @pytest.fixture
 def same_process(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -124,6 +126,7 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
     assert state["live"]
     assert 0 <= state["done"] < state["total"]
     assert 'role="status"' in visitor.ask("/run/1").text
+    assert "r161" in words_of(visitor.ask("/run/1"))
     assert "In progress" in words_of(visitor.ask("/"))
     processes = [each.process for each in workers.values()]
     assert visitor.ask("/run/1/cancel", b"").status == 303
@@ -141,6 +144,62 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
     assert "The page is closed" in words_of(visitor.ask("/quit?sure=yes", b""))
     wait(lambda: not workers)
     assert visitor.quits == [True]
+
+
+@pytest.mark.usefixtures("same_process")
+def test_a_bench_is_linked_and_its_debrief_is_a_result(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page of the run is up to date after the start of the bench and after the hand-in."""
+    pages: list[Page] = []
+
+    def serve(folders: dict[str, Path], *_: Any, say: Any, **how: Any) -> None:
+        (folder,) = folders.values()
+        pages.append(visitor.ask("/run/1"))
+        say(f"the day, begun in {folder}: open http://bench/?token=a once, in one browser")
+        say("Ctrl-C stops the server")
+        pages.extend(visitor.ask(path) for path in ("/run/1", "/", "/run/1/progress?stage=0"))
+        pages.append(visitor.ask(visitor.ask("/quit", b"").headers["location"]))
+        folder.mkdir()
+        debrief = {"title": "Plain", "verdict": "PASS", "right_verdict": "FAIL"}
+        (folder / "debrief.json").write_text(json.dumps(debrief))
+        (folder / "debrief.html").write_text("<p>debrief</p>")
+        pages.extend(visitor.ask(path) for path in ("/run/1", "/", "/run/1/progress?stage=1"))
+        # a day that is handed in needs no question
+        assert "closed" in visitor.ask("/quit", b"").text
+        assert not how["browser"]  # the page has the link
+
+    monkeypatch.setattr("virtual_lab.bench.entrance.serve.serve", serve)
+    last = finish(visitor, "rehearse", b"scenario=tuesday")
+    early, served, start, changed, asked, ready, done, changed_again = pages
+    assert '?stage=0"' in early.text
+    assert "href" not in early.text.partition('role="status"')[2].partition("</p>")[0]
+    assert 'href="http://bench/?token=a" target="_blank">Open' in served.text
+    assert '?stage=1"' in served.text
+    assert "the bench is open" in words_of(start)
+    assert json.loads(changed.body)["live"] is json.loads(changed_again.body)["live"] is False
+    assert "except the saved day of a bench" in words_of(asked)
+    assert "Traceback" not in last.text
+    for page in (ready, last):
+        assert 'class="answer">Plain: verdict PASS, correct FAIL<' in page.text
+        assert "file?name=rehearse/debrief.html" in re.search("<iframe.*?>", page.text)[0]
+    assert "Close the bench" in words_of(ready)
+    assert "In progress" not in words_of(done)
+    assert "Open" not in words_of(last)
+
+
+def test_a_day_that_was_not_handed_in_is_opened_again(visitor: Visitor) -> None:
+    day, run = visitor.page.folder / "tuesday", visitor.page.folder / "runs" / "0001"
+    for folder in (day, run):
+        folder.mkdir(parents=True)
+    (day / "day.sqlite").touch()
+    call = {"command": "rehearse", "values": {"day": str(day)}, "began": 0}
+    (run / "call.json").write_text(json.dumps(call))
+    page = visitor.ask("/run/1")
+    assert "The bench is closed. Its day is saved." in words_of(page)
+    assert f'href="/form/rehearse?day={quote(str(day))}">Open this day' in page.text
+    assert "day.sqlite" not in page.text.partition("What next")[0]  # nor the sealed truth
+    assert "No result: the day is not handed in" in words_of(visitor.ask("/"))
 
 
 @pytest.mark.usefixtures("same_process")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -27,15 +28,17 @@ from virtual_lab.page.working import (
     CALL,
     OUTCOME,
     PROGRESS_LINE,
+    SAID,
     answer_of,
     carry_out_run,
+    serves_bench,
     write_json,
 )
 from virtual_lab.parameters import SETTINGS
 from virtual_lab.processes import Worker, WorkerLostError
 from virtual_lab.sheets import FORM_TITLES
 
-CHOSEN = ("out", "csv", "open")  # fields of which a user does not think
+CHOSEN = ("out", "csv")  # fields of which a user does not think
 LARGEST = 10**6  # above all numbers of runs
 MOST = 2  # runs at the same time
 
@@ -82,8 +85,37 @@ class StartedRun:
 
     @cached_property
     def outcome(self) -> dict[str, Any]:
-        """The outcome; blank while the run is in progress, and after it was ended."""
-        return BLANK | _read(self.path / OUTCOME)
+        """The outcome; blank while the run is in progress, and after it was ended.
+
+        A bench has one as soon as the debrief of its day is saved.
+        """
+        debrief = _read(Path(self.day) / "debrief.json") if self.day else {}
+        said = "{title}: verdict {verdict}, correct {right_verdict}"
+        rehearsed = {"answer": said.format_map(debrief), "written": [self.day]} if debrief else {}
+        return BLANK | _read(self.path / OUTCOME) | rehearsed
+
+    @property
+    def day(self) -> str:
+        """The folder of the day at the bench that the run serves; empty for another command."""
+        return str(self.call["values"].get("day", "")) if serves_bench(self.call) else ""
+
+    @property
+    def in_progress(self) -> bool:
+        """Whether the run has no outcome yet."""
+        return self.live and not self.outcome["answer"]
+
+    @property
+    def addresses(self) -> list[tuple[str, str]]:
+        """The users of the bench that the run serves, each with the address to open."""
+        with suppress(OSError):
+            said = (self.path / SAID).read_text("utf-8")
+            return re.findall(r"(?m)^([^,:]+).*: open (http\S+)", said)
+        return []
+
+    @property
+    def stage(self) -> str:
+        """The number of links that the page of a run in progress has."""
+        return str(len(self.addresses) + len(self.outcome["written"])) if self.day else ""
 
     @property
     def progress(self) -> str:
@@ -191,8 +223,8 @@ class Runs:
             path = first_free(self.folder / f"{full}{ending}")
             taken = str(path) in live  # by a run that has not written yet
             places[key] = str(self.folder / f"{full}-run-{number}{ending}" if taken else path)
-        if command.name == "rehearse" and not {"operator", "script", "replay"} & {*values}:
-            return {"open": True, "day": values.get("day") or places["out"]}
+        if serves_bench({"command": command.name, "values": values}):
+            return {"day": values.get("day") or places["out"]}
         return places
 
     def _folder(self, number: int) -> Path:

@@ -126,7 +126,8 @@ class Page:
     def result(self, request: Request) -> Response:
         """Return the page of a run: its progress, or its result."""
         run = self._run(request)
-        target = next((each for each in run.outcome["written"] if Path(each).is_dir()), "")
+        written = [*run.outcome["written"], run.day]
+        target = next((each for each in written if each and Path(each).is_dir()), "")
         return self.render(
             "result.html",
             run=run,
@@ -146,11 +147,12 @@ class Page:
         return run
 
     def progress(self, request: Request) -> Response:
-        """Return the progress of a run as JSON."""
+        """Return the progress of a run as JSON. It is not live if its page shows another stage."""
         run = self._run(request)
         counted = re.search(r": +(\d+) of (\d+)", run.progress)
         done, total = map(int, counted.groups()) if counted else (0, 0)
-        return JSONResponse({"live": run.live, "line": run.progress, "done": done, "total": total})
+        live = run.live and run.stage == request.query_params.get("stage", "")
+        return JSONResponse({"live": live, "line": run.progress, "done": done, "total": total})
 
     def file(self, request: Request) -> Response:
         """Return a file of a result; a page or picture to be shown, anything else to be kept."""
@@ -193,7 +195,8 @@ class Page:
 
     def quit(self, request: Request) -> Response:
         """End all runs and the server. With a run in progress the start page asks first."""
-        if self.runs.workers and "sure" not in request.query_params:
+        asks = any(run.in_progress for run in self.runs.all())
+        if asks and "sure" not in request.query_params:
             return RedirectResponse("/?quit=yes", status_code=303)
         self.runs.end()
         self.quit_now()

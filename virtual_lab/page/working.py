@@ -6,6 +6,8 @@ import json
 import re
 import time
 import traceback
+from collections.abc import Mapping
+from contextlib import redirect_stderr
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +22,18 @@ from virtual_lab.output.progress import show_progress
 from virtual_lab.page.fields import is_new
 from virtual_lab.page.wording import field_name, refusal
 
-CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
+CALL, OUTCOME, PROGRESS_LINE, SAID = "call.json", "outcome.json", "progress.txt", "said.txt"
 BLANK: dict[str, Any] = {  # an outcome without a result
     **dict.fromkeys(("answer", "text", "refused", "field", "shell", "python"), ""),
     **dict.fromkeys(("flags", "warnings", "written", "missing"), ()),
     "seconds": 0.0,
 }
+
+
+def serves_bench(call: Mapping[str, Any]) -> bool:
+    """Return whether a call serves the bench, until the run is ended."""
+    by_itself = call["values"].keys() & {"operator", "script", "replay"}
+    return call["command"] == "rehearse" and not by_itself
 
 
 class ProgressFile:
@@ -60,7 +68,8 @@ def carry_out_run(path: Path) -> None:
     try:
         call = bind(command, values)
         outcome = {"shell": shell_line(call), "python": python_line(call)}
-        with show_progress(ProgressFile(path / PROGRESS_LINE)) as progress:  # type: ignore[arg-type]
+        bar: Any = ProgressFile(path / PROGRESS_LINE)
+        with (path / SAID).open("w") as said, redirect_stderr(said), show_progress(bar) as progress:
             done = carry_out(call, progress)
         new = [values.get(key) for key, each in command.parameters.items() if is_new(each)]
         written = [done.target, *done.files, *getattr(done.result, "files", ()), *new]

@@ -155,6 +155,8 @@ class ServedDay:
             from virtual_lab.bench.scoring.debrief import expert_day
 
             self._expert = DEBRIEFS.do(partial(expert_day, self.stored.apparatus, self.stored.day))
+        if self.open_book:
+            self._debrief_in_background()
         return event
 
     def film(self, shot: int, *, true: bool) -> bytes:
@@ -229,15 +231,20 @@ class ServedDay:
             raise InputError(
                 "debrief", "day", None, "is an exam, so your trainer opens the debrief"
             )
-        if self._debrief_future is None or self._debrief_future[0] != len(day.events):
-            self._debrief_future = len(day.events), DEBRIEFS.do(self._make_debrief)
-        debrief = self._debrief_future[1]
+        debrief = self._debrief_in_background()
         try:
             return debrief_page(debrief.result(patience), linked=True)
         except TimeoutError as late:
             jobs_ahead = DEBRIEFS.jobs_ahead(debrief)
             words = f"Debriefs before yours: {jobs_ahead}" if jobs_ahead else "Your debrief is next"
             raise TimeoutError(words) from late
+
+    def _debrief_in_background(self) -> Future[Debrief]:
+        """Return the debrief of all entries so far, which is computed and saved once."""
+        entries = len(self.stored.day.events)
+        if self._debrief_future is None or self._debrief_future[0] != entries:
+            self._debrief_future = entries, DEBRIEFS.do(self._make_debrief)
+        return self._debrief_future[1]
 
     def _make_debrief(self) -> Debrief:
         from virtual_lab.bench.scoring.debrief import debrief_of
