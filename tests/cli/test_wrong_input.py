@@ -722,6 +722,19 @@ def test_wrong_input_gives_one_line(case: str, records: Path, run: Run, tmp_path
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - most < 400_000  # kB
 
 
+def test_too_little_memory_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811
+    """A number of laboratories that fits into no address space; an error without a size."""
+    little = "virtual-lab: not enough memory{}; allowed: smaller numbers or files\n"
+    words = ("coverage", "--laboratories", "1" + "0" * 18)
+    assert run(*words) == (2, "", little.format(" (6.94 EiB)"))
+
+    def fill(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(np, "arange", fill)
+    assert run(*words) == (2, "", little.format(""))
+
+
 def _words(command: str) -> list[str]:
     """Return the words of a command; quotes hold words together."""
     return [word[1:-1] if word[0] == "'" else word for word in re.findall(r"'[^']*'|\S+", command)]

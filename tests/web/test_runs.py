@@ -21,7 +21,7 @@ from tests.asking import Answer as Page
 from tests.web.visiting import Visitor, words_of
 from virtual_lab.cli import cli
 from virtual_lab.commands.output import Answer
-from virtual_lab.page import opening, runs
+from virtual_lab.page import opening, runs, working
 from virtual_lab.page.runs import StartedRun
 from virtual_lab.page.working import answer_of
 
@@ -144,6 +144,18 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
     assert "The page is closed" in words_of(visitor.ask("/quit?sure=yes", b""))
     wait(lambda: not workers)
     assert visitor.quits == [True]
+
+
+@pytest.mark.usefixtures("same_process")
+def test_a_run_that_fails_says_what_to_do(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = finish(visitor, "sweep", b"bats=r161&laboratories=1000000000000000000")
+    assert "not enough memory (6.94 EiB); allowed: smaller numbers or files" in words_of(page)
+    monkeypatch.setattr(working, "carry_out", None)
+    page = words_of(finish(visitor, "show", b"name=r161"))
+    assert "a bug in this program, not in your input; please report the text below" in page
+    assert "As text" in page
 
 
 @pytest.mark.usefixtures("same_process")

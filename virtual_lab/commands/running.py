@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from typing import Any
 
 from virtual_lab.api.door import PROGRESS, SEALED, with_settings
 from virtual_lab.commands.call import Call
-from virtual_lab.errors import IncompleteError, without_if_it_fails
+from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import new_files
 from virtual_lab.output.progress import Progress
 from virtual_lab.parameters import SETTINGS
@@ -40,7 +41,8 @@ def check_target(call: Call) -> Path | None:
 def carry_out(call: Call, progress: Progress) -> CallOutcome:
     """Call the function of a command, and write its result.
 
-    Files and folders are checked before the function is called. Raises `InputError` for bad input.
+    Files and folders are checked before the function is called. Raises `InputError` for bad input,
+    and if the memory is too small.
     """
     command, output = call.command, call.command.output
     target = check_target(call)
@@ -48,7 +50,12 @@ def carry_out(call: Call, progress: Progress) -> CallOutcome:
     given = {key: value for key, value in call.part(command.parameters).items() if key not in how}
     ours = {output.into: target, "out": target, PROGRESS: progress}
     more = {key: value for key, value in ours.items() if key in command.description.parameters}
-    result = command.function(**given, **more)
+    try:
+        result = command.function(**given, **more)
+    except MemoryError as fault:
+        size = re.search(r"\d\S* .iB", str(fault))  # in an error of numpy
+        little = f"not enough memory ({size[0]})" if size else "not enough memory"
+        raise InputError("", little, None, "allowed: smaller numbers or files") from fault
     result = replace(result, **how) if how else result
     words = f"virtual-lab {command.name} --config {SETTINGS}"
     result = with_settings(result, words, given | how, sealed=command.name in SEALED)

@@ -84,7 +84,7 @@ def carry_out_run(path: Path) -> None:
     except OSError as fault:
         outcome |= {"refused": f"{fault.filename or 'file'}: {fault.strerror}"}
     except Exception:
-        bug = "a bug in this program, not in your input"
+        bug = "a bug in this program, not in your input; please report the text below"
         outcome |= {"refused": bug, "text": traceback.format_exc()}
     outcome["seconds"] = time.monotonic() - began
     write_json(path / OUTCOME, outcome)
