@@ -231,6 +231,7 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
         ('source = "assumed"', "source = 3", "body.profile.z", None, "the origin of the number"),
         ('source = "assumed"', 'sauce = "x"', "body.profile.z", None, "unknown key 'sauce'"),
         ('name = "r161"\n', "", "name", None, "this key is missing"),
+        ("sport =", 'template = "wood"\nsport =', "template", None, "of which fit-bat makes a bat"),
         ('name = "r161"', "name = 161", "name", "161", "string"),
         ("[0, 2, 5, 8", "[0, 2, 8, 5", "body.profile", None, "z must increase"),
         ("[0, 2, 5, 8", "[0, 2, 2, 8", "body.profile", None, "z must increase"),
