@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -158,6 +159,11 @@ def test_folders_and_files_of_the_user_are_offered(visitor: Visitor) -> None:
     ):
         assert f'{advice} <a href="/form/{maker}">' in visitor.ask(f"/form/{name}").text
     assert advice not in visitor.ask("/form/certify").text  # certify needs no folder
+    (visitor.page.folder / "mine").mkdir()
+    (visitor.page.folder / "mine" / "session.json").touch()
+    answer = words_of(visitor.ask("/form/score", f"folder={visitor.page.folder}/mine".encode()))
+    assert "/mine” is a folder of records (session.json or laboratory.toml); allowed: a" in answer
+    shutil.rmtree(visitor.page.folder / "mine")
     home, result = visitor.page.folder, ["certificate.json", "settings.toml", "truth/seal.json"]
     others = ["old/certificate.json", "a/settings.toml", "c.toml", "d.json"]
     for path in [*(home / "made" / name for name in result), *(home / name for name in others)]:

@@ -39,6 +39,7 @@ def test_the_door_is_shut_to_strangers_and_large_forms(visitor: Visitor) -> None
         paths = ["/", f"/?token={TOKEN}"] * 20
         answers = list(pool.map(lambda path: visitor.ask(path, cookie="").status, paths))
     assert answers == [403] * 40
+    assert "Start the program again for another address" in visitor.ask("/", cookie="").text
     assert visitor.door.last_request == 0  # strangers do not keep the page open
     for path in ("/run/1", "/run/1/file?name=../secret.txt", "/form/x", "/nowhere"):
         assert visitor.ask(path).status == 404

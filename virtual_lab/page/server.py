@@ -109,16 +109,23 @@ class Page:
         try:
             run = self.runs.start(command, given(command, form), of)
         except RefusedError as fault:
-            refused = {key: self._sentence(command, key, form) for key in fault.faults}
+            refused = {
+                key: self._sentence(command, key, form, words)
+                for key, words in fault.faults.items()
+            }
             return self.form(command, form, refused)
         except InputError as fault:
             return self.form(command, form, dict([refusal(command, fault, form)]))
         return RedirectResponse(f"/run/{run.number}", status_code=303)
 
-    def _sentence(self, command: Command, key: str, form: Mapping[str, Sequence[str]]) -> str:
-        """Return the sentence about a refused value of a form."""
+    def _sentence(
+        self, command: Command, key: str, form: Mapping[str, Sequence[str]], words: str
+    ) -> str:
+        """Return the sentence about a refused value of a form, of which `words` is the error."""
         text = ", ".join(form.get(key, ())).strip()
         rule = command.fields[key].rule
+        if of_other_kind := re.fullmatch("(.*): folder; (is .*)", words):
+            return "“{}” {}.".format(*of_other_kind.groups())
         number = re.sub("^one ", "a ", rule.allowed).replace("2^128 - 1", "2¹²⁸ − 1")
         allowed = number if rule.kind == "number" else limits(rule) or "one of the choices"
         return f"“{text}” cannot be used. Allowed: {allowed}." if text else "Fill in this field."
@@ -205,6 +212,8 @@ class Page:
 
 class PageDoor(Door):
     """The door of the page, through which large files come to one address only."""
+
+    once = f"{Door.once} Start the program again for another address: all results are there again."
 
     @property
     def last_request(self) -> float:

@@ -58,6 +58,8 @@ class Door:
         Paths that may be the first page, in addition to ``/``.
     """
 
+    once = "Open the address that the command printed. It works once, in one browser."
+
     def __init__(
         self,
         inside: ASGIApp,
@@ -157,9 +159,7 @@ class Door:
 
     def stranger(self, _: Request) -> Response:
         """Return the answer to a browser without a seat."""
-        return sentence_page(
-            403, "Open the address that the command printed. It works once, in one browser."
-        )
+        return sentence_page(403, self.once)
 
 
 def _find_key(keys: Mapping[str, object], text: str) -> str | None:
