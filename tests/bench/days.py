@@ -11,7 +11,7 @@ from virtual_lab.bench.day.operators import Look, Operator, operator_of
 from virtual_lab.bench.day.scenario import Scenario
 from virtual_lab.bench.day.table import MAKE_READY, preparation
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.stored_day import laboratory_of, play_actions, run_operator
+from virtual_lab.bench.machines.stored_day import laboratory_of, run_operator
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "debrief_of",
     "detector",
     "experts",
+    "play_actions",
     "scenario",
     "with_change",
     "without",
@@ -105,6 +106,11 @@ def without(*names: str) -> list[Asked]:
 def with_change(name: str, **arguments: Any) -> list[Asked]:
     """Return the plain day with an action's arguments changed."""
     return [(each, given | arguments if each == name else given) for each, given in PLAIN]
+
+
+def play_actions(there: Apparatus, actions: Iterable[Action]) -> Day:
+    """Return a new day after a series of actions."""
+    return run_operator(there, lambda _: iter(actions))
 
 
 def day_of(days: Iterable[Asked], *faults: str) -> Day:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.days import PLAIN, apparatus, asked, day_of, debrief_of
+from tests.bench.days import PLAIN, apparatus, asked, day_of, debrief_of, play_actions
 from tests.bench.test_web import Browser
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.desk import Desk
@@ -15,7 +15,7 @@ from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.entrance.review import summary
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.machines.stored_day import StoredDay, play_actions
+from virtual_lab.bench.machines.stored_day import StoredDay
 from virtual_lab.bench.scoring.debrief import debrief
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.errors import InputError

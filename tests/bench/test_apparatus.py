@@ -5,13 +5,12 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from tests.bench.days import PLAIN, apparatus, asked, day_of, with_change, without
+from tests.bench.days import PLAIN, apparatus, asked, day_of, play_actions, with_change, without
 from tests.lab.test_test_day import same
 from tests.laboratories import certified
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.table import MAKE_READY
-from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.errors import InputError
 
 DEGREE = pi / 180

@@ -2,10 +2,18 @@
 
 import pytest
 
-from tests.bench.days import PLAIN, Asked, apparatus, asked, day_of, debrief_of, without
+from tests.bench.days import (
+    PLAIN,
+    Asked,
+    apparatus,
+    asked,
+    day_of,
+    debrief_of,
+    play_actions,
+    without,
+)
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.protocol import excuses_of
-from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.bench.scoring.deviations import (
     DENIED,

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.bench.days import apparatus, day_of, detector
+from tests.bench.days import apparatus, day_of, detector, play_actions
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.desk import Desk
@@ -14,7 +14,7 @@ from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.readings import CLOCK, suspected_faults
 from virtual_lab.bench.day.table import action_table, detectable
 from virtual_lab.bench.machines.checks import _chart_rows
-from virtual_lab.bench.machines.stored_day import play_actions, run_operator
+from virtual_lab.bench.machines.stored_day import run_operator
 from virtual_lab.errors import InputError
 
 STUDY = Path(__file__).with_name("study-2026-11-22.txt")

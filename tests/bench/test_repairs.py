@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.bench.days import PLACE_MM, PLAIN, apparatus, asked
+from tests.bench.days import PLACE_MM, PLAIN, apparatus, asked, play_actions
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import ready_steps
 from virtual_lab.bench.day.desk import Desk
@@ -19,7 +19,7 @@ from virtual_lab.bench.day.table import (
     remedy_of,
     repairs,
 )
-from virtual_lab.bench.machines.stored_day import play_actions, run_operator
+from virtual_lab.bench.machines.stored_day import run_operator
 
 NO_REMEDY = {"bat-cracked"}
 FEW = ("scale-not-tared", "encoder-slip", "gate-misses", "aim-along")

@@ -24,7 +24,7 @@ from virtual_lab.files.tables import quote
 
 SOUND = {"number": "1", "whole": "1", "text": "so", "doubt": "none"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"
-END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
+END = (("give-verdict", {"verdict": "INVALID"}), ("hand-in", {}))
 PICTURES = re.compile(r'(<section [^>]*id="(display|shot)".*?</section>)', re.DOTALL)
 ORIGIN = {"origin": f"http://{HOST}"}
 
@@ -187,6 +187,14 @@ def test_every_answer_has_the_security_headers(browser: Browser, path: str) -> N
         assert policy.startswith("default-src 'self'; base-uri 'none'; form-action 'self'")
         assert "frame-ancestors 'none'" in policy
         assert "unsafe" not in policy
+
+
+def test_after_a_verdict_without_a_reduction_the_hand_in_is_next(browser: Browser) -> None:
+    for action in asked([*PLAIN, ("give-verdict", {"verdict": "INVALID"})]):
+        browser.day.stored.do(action)
+    step = re.search('aria-current="step">(.*?)</li>', browser.ask("/").text)
+    assert step
+    assert ">Hand in the day<" in step[1]
 
 
 def test_forms_alone_play_a_day_to_its_debrief(browser: Browser) -> None:
@@ -404,7 +412,7 @@ def test_a_finished_day_is_played_back_entry_by_entry(tmp_path: Path) -> None:
 
 def test_only_the_trainer_plays_an_exam_back(tmp_path: Path) -> None:
     day = served(tmp_path / "day", "exam-day")
-    for action in asked((("give-verdict", {"verdict": "INVALID"}), END[-1])):
+    for action in asked(END):
         day.do(action)
     trainee, trainer = Browser(day), Browser(ServedDay(tmp_path / "day", None))
     trainee.open()

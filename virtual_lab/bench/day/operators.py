@@ -186,7 +186,7 @@ def _end(look: Look, habits: Habits) -> Iterator[Action]:
         yield from _repair_faults(look)
         sure = {doubt.fault: detectable()[doubt.fault].sure for doubt in suspected_faults(look())}
         certain = {fault: each for fault, each in sure.items() if each >= 0.9}
-    if look().reduction_error or not look().day.fired:
+    if look().result is None:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
     else:
         yield action_of("reduce")

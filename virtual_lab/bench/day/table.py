@@ -20,9 +20,8 @@ from virtual_lab.catalog.specs import Dimension, Spec, Title, YesNo
 
 PREPARING = {"tare": "weigh-bat", "level-stand": "measure-balance", "fit-clamp": "swing"}
 MAKE_READY = ("zero-encoder", "clear-scrap", "wait-pressure", "wait-rest")  # steps before a shot
-FOUND_INSTEAD: Mapping[
-    str, tuple[str, Mapping[str, str]]
-] = {  # faults without a repair of the rig: action and arguments instead
+# faults without a repair of the rig: action and arguments instead
+FOUND_INSTEAD: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "gate-moved": ("gauge-gates", {"use": "gauge"}),
     "clamp-forgotten": ("swing-clamp", {"use": "measured"}),
     "ball-worn-out": ("retire-ball", {"because": "slower at the wall than the lot"}),

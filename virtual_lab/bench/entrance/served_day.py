@@ -77,9 +77,8 @@ class ServedDay:
         self._begun = (folder / LOG).exists()
         self.first_view = threading.Event()
         self._expert: Future[Day] | None = None
-        self._debrief_future: tuple[int, Future[Debrief]] | None = (
-            None  # number of entries, debrief
-        )
+        # number of entries, debrief
+        self._debrief_future: tuple[int, Future[Debrief]] | None = None
         self._films: dict[tuple[int, bool], Future[bytes]] = {}  # key: shot, whether true
         self._filming = threading.Lock()
 
@@ -149,9 +148,8 @@ class ServedDay:
         event = self.stored.do(action, number)
         if action.name == "fire" and self.briefing.get("camera"):
             self._film_future(len(self.stored.day.fired), False)  # in the background
-        if (
-            action.name == "reduce" and not self.stored.day.exam
-        ):  # no further action needs the machines
+        # after a reduction no action needs the machines
+        if action.name == "reduce" and not self.stored.day.exam:
             from virtual_lab.bench.scoring.debrief import expert_day
 
             self._expert = DEBRIEFS.do(partial(expert_day, self.stored.apparatus, self.stored.day))

@@ -12,7 +12,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -222,16 +222,30 @@ class StoredDay:
         SequenceError
             `number` is not the number of the next entry.
         InputError
-            The action is impossible now, or a requirement is missing; nothing is written.
+            The action is impossible now, or a requirement is missing; nothing is written. A
+            reduction without a result is impossible, because no hit can be decided after it.
         """
         due = len(self.day.events) + 1
         if number is not None and number != due:
             allowed = f"entry {due} is next (sent twice, or from an older page?)"
             raise SequenceError("", "entry", number, allowed)
         event = do_action(self.apparatus, self.day, action)
+        if action.name == "reduce":  # not in `do_action`: earlier logs may hold such a reduction
+            _require_result(self.desk)
         self.log.append(event)
         self.desk = self.desk.after(event)
         return event
+
+
+def _require_result(desk: Desk) -> None:
+    if desk.result is not None:
+        return
+    day, reasons = desk.day, "; ".join(desk.certification.reasons)
+    undecided = [str(shot + 1) for shot in range(len(day.fired)) if shot not in day.decisions]
+    remedy = "correct the readings, fire again, or give the verdict INVALID without a result"
+    if undecided:
+        remedy = f"each must be accepted or rejected first; undecided: {', '.join(undecided)}"
+    raise InputError("reduce", "hits", None, f"give no result ({reasons}): {remedy}")
 
 
 def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
@@ -243,14 +257,6 @@ def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
     event = replace(apparatus.play(day, action), seconds=price)
     notes = remarks(evolve(day, event)) if day.remarks else ()
     return replace(event, shown=(*event.shown, *notes))
-
-
-def play_actions(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
-    """Return the day after a series of actions. The day is new and has no log.
-
-    Raises `InputError` if an action is rejected.
-    """
-    return run_operator(apparatus, lambda _: iter(actions))
 
 
 def run_operator(

@@ -273,7 +273,7 @@ def _steps(desk: Desk) -> list[Step]:
     is_done = {name: desk.last(name) is not None for name in preparation()} | {
         "set-place": day.place is not None,
         "fire": enough_hits or day.reduced,
-        "reduce": day.reduced,
+        "reduce": day.reduced or bool(day.verdict),
         "give-verdict": bool(day.verdict),
         "hand-in": day.handed_in,
     }

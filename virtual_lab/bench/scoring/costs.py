@@ -10,14 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.bench.day.actions import ARGUMENTS, RESULT_QUANTITIES, Action
-from virtual_lab.bench.day.day import CHECKLISTS, DISPUTE
+from virtual_lab.bench.day.actions import ARGUMENTS, RESULT_QUANTITIES, Action, action_of
+from virtual_lab.bench.day.day import CHECKLISTS, DISPUTE, Day, DayEvent
 from virtual_lab.bench.day.desk import Desk, EnteredResult
+from virtual_lab.bench.day.operators import Look
 from virtual_lab.bench.day.protocol import omitted_steps
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.machines.apparatus import Apparatus
-from virtual_lab.bench.machines.stored_day import play_actions
+from virtual_lab.bench.machines.stored_day import run_operator
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import UNDECIDED
 from virtual_lab.records.session import HitDecision
 
 SLIPS = {  # correct choice of each argument, in words
@@ -72,14 +74,10 @@ def costly_decisions(
     value = desk.result[0] if desk.result else None
     entered = desk.last("enter-result")
     for result in results:
-        if (
-            RESULT_QUANTITIES[result.name] == desk.rules.spec.metric
-            and value is not None
-            and entered
-        ):
-            decisions += _cost(
-                entered.number, f"entered {result.name}", result.entered, value, truth, 0.0
-            )
+        is_metric = RESULT_QUANTITIES[result.name] == desk.rules.spec.metric
+        if is_metric and value is not None and entered:
+            what = f"entered {result.name}"
+            decisions += _cost(entered.number, what, result.entered, value, truth, 0.0)
     for entry, description, actions, by_windows in islice(_corrected_days(desk, justified), 12):
         try:
             corrected = replay_day(apparatus, actions, by_windows)
@@ -104,11 +102,9 @@ def _cost(
     if value is None and corrected_value is None:
         return
     if value is None or corrected_value is None:
-        word = (
-            "there is no result without this decision"
-            if corrected_value is None
-            else "this decision prevents a result"
-        )
+        word = "this decision prevents a result"
+        if corrected_value is None:
+            word = "there is no result without this decision"
         yield CostlyDecision(entry=entry, what=description, cost=None, u=0.0, word=word)
         return
     if truth is None:
@@ -136,13 +132,23 @@ def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]
     """Repeat the given actions on a new day, and return the `Desk` (the results) of this day.
 
     The shots in `by_windows`, counted from 0, are accepted or rejected by the acceptance windows
-    instead of by the trainee. Checklists and all actions after the measurement, such as a verdict,
-    are left out. Raises `InputError` if an action is impossible, or if a record that the acceptance
-    windows need is missing.
+    instead of by the trainee. Impact positions without a value are those that the rules require on
+    the new day. Checklists and all actions after the measurement, such as a verdict, are left out.
+    Raises `InputError` if an action is impossible, or if a record that the acceptance windows need
+    is missing.
     """
     # a new day rejects checklists, which change nothing
     left_out = {"reduce", "enter-result", "give-verdict", "hand-in", DISPUTE, *CHECKLISTS}
-    day = play_actions(apparatus, [each for each in actions if each.name not in left_out])
+
+    def play(look: Look) -> Iterator[Action]:
+        for each in actions:
+            if each.name == "set-place" and not each.arguments:
+                if (place := look().next_position) is not None:
+                    yield action_of("set-place", {"place": 1e3 * place})
+            elif each.name not in left_out:
+                yield each
+
+    day = run_operator(apparatus, play)
     reasons = Desk(day).reasons
     decided = {
         shot: HitDecision(
@@ -151,6 +157,26 @@ def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]
         for shot in by_windows
     }
     return Desk(replace(day, decisions={**day.decisions, **decided}))
+
+
+def actions_to_replay(day: Day) -> list[Action]:
+    """Return the actions of a day for `replay_day`.
+
+    An impact position that the rules required then has no value, so that it follows from the
+    readings of the replayed day, for example from another balance point.
+    """
+    return [
+        Action(name=event.action, arguments={} if _is_required(day, event) else event.arguments)
+        for event in day.events
+    ]
+
+
+def _is_required(day: Day, event: DayEvent) -> bool:
+    """Return whether an entry sets the impact position that the rules required at that time."""
+    if event.action != "set-place":
+        return False
+    desk = Desk(day.until(event.number))
+    return not (desk.reduction_error or desk.next_position is None or desk.needs_position)
 
 
 def _corrected_days(
@@ -162,14 +188,12 @@ def _corrected_days(
     actions of the corrected day, and the shots to be judged by the acceptance windows.
     """
     day = desk.day
-    actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]
+    actions = actions_to_replay(day)
     reasons = desk.reasons if day.fired and not desk.reduction_error else ()
     sheets = action_table().actions
-    by_windows = {
-        shot
-        for shot, decision in day.decisions.items()
-        if shot < len(reasons) and decision.accepted == (not reasons[shot])
-    }
+    accepted = {shot for shot, decision in day.decisions.items() if decision.accepted}
+    # an undecided hit counts as little as a rejected one
+    by_windows = {shot for shot, why in enumerate(reasons) if (shot in accepted) == (not why)}
     by_step: dict[str, list[int]] = {}
     for each in omitted_steps(day):
         if each.step != "load-ball":  # the ball that should have been loaded is unknown
@@ -185,24 +209,24 @@ def _corrected_days(
             default = _defaults(action.name)[key]
             if action.arguments[key] != default:
                 corrected = Action(name=action.name, arguments={**action.arguments, key: default})
-                description = f"{sheets[action.name].title.lower()}: {action.arguments[key]}"
+                choice = f"{action.arguments[key]} instead of {SLIPS[key]}"
+                description = f"{sheets[action.name].title.lower()}: {choice}"
                 corrected_actions = [*actions[: number - 1], corrected, *actions[number:]]
-                yield (
-                    number,
-                    f"{description} instead of {SLIPS[key]}",
-                    corrected_actions,
-                    by_windows,
-                )
-    for shot in sorted(day.decisions.keys() - by_windows - justified):
-        if shot < len(reasons):
-            word = day.decisions[shot].word
-            reason = reasons[shot] or "it is within all windows"
-            number = max(
-                event.number
-                for event in day.events
-                if event.action in {"accept", "reject"} and event.arguments["shot"] == shot + 1
-            )
-            yield number, f"hit {shot + 1} {word} ({reason})", actions, by_windows | {shot}
+                yield number, description, corrected_actions, by_windows
+    wrong = sorted(set(range(len(reasons))) - by_windows - justified)
+    if desk.result is None and len(wrong) > 1:  # one more hit is not enough for a result
+        description = f"{len(wrong)} hits undecided, or decided against the windows"
+        yield 0, description, actions, by_windows.union(wrong)
+    for shot in wrong:
+        word = day.decisions[shot].word if shot in day.decisions else UNDECIDED
+        reason = reasons[shot] or "it is within all windows"
+        entries = (
+            event.number
+            for event in day.events
+            if event.action in {"accept", "reject"} and event.arguments["shot"] == shot + 1
+        )
+        description = f"hit {shot + 1} {word} ({reason})"
+        yield max(entries, default=0), description, actions, by_windows | {shot}
 
 
 def _defaults(action: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from itertools import zip_longest
 from typing import Any
 
 from virtual_lab import catalog
-from virtual_lab.bench.day.actions import RESULT_QUANTITIES, Action, typed_words
+from virtual_lab.bench.day.actions import RESULT_QUANTITIES, typed_words
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk, EnteredResult, HitResult
 from virtual_lab.bench.day.doubts import fault_titles
@@ -20,7 +20,12 @@ from virtual_lab.bench.day.table import PREPARING, action_table, detectable, rem
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import StoredDay, laboratory_of, run_operator
 from virtual_lab.bench.pages.tally import run_chart
-from virtual_lab.bench.scoring.costs import CostlyDecision, costly_decisions, replay_day
+from virtual_lab.bench.scoring.costs import (
+    CostlyDecision,
+    actions_to_replay,
+    costly_decisions,
+    replay_day,
+)
 from virtual_lab.bench.scoring.deviations import (
     Deviation,
     deviations,
@@ -398,21 +403,22 @@ def _effect_of_fault(
         machines = Apparatus(
             laboratory_of(replace(scenario, faults=faults_left), laboratory.seed, laboratory.salt)
         )
-    actions = [Action(name=event.action, arguments=event.arguments) for event in desk.day.events]
     try:
-        result = replay_day(machines, actions, set()).result
+        result = replay_day(machines, actions_to_replay(desk.day), set()).result
     except InputError:
         return None
     return desk.result[0] - result[0] if result else None
 
 
 def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
-    """Return two sentences: on the best score, and on the score that cost the most points."""
-    best = max(scores, key=lambda score: (score.value, score.weight))
+    """Return two sentences: on the best scores, and on the score that cost the most points."""
+    top = max(score.value for score in scores)
+    best = [score for score in scores if score.value > top - 0.005]
     worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
     loss = (1 - worst.value) * worst.weight
     change = f"{worst.name}: {worst.because}" if loss > 0.02 else "nothing"
-    return f"{best.name}: {best.because}", change
+    because = best[0].because if len(best) == 1 else f"{top:.2f} each"
+    return f"{', '.join(score.name for score in best)}: {because}", change
 
 
 def _steps(day: Day) -> Iterator[StepReview]:
@@ -487,13 +493,8 @@ def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk:
     if verdict != expert_right:
         return (
             "Here the expert is wrong by chance: the expert's result and the truth are on "
-            f"different sides of the limit, so {right} is right"
+            f"different sides of the limit, so {expert_right} is right"
         )
-    effect = (
-        "left you without a result"
-        if desk.result is None
-        else "made your result wrong by more than its U"
-    )
     mends = repairs().keys()
     expert_actions, actions = (
         {each.action for each in day.events if each.constants or each.action in mends}
@@ -503,14 +504,12 @@ def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk:
     titles = " and ".join(
         action_table().actions[name].title.lower() for name in sorted(expert_actions)
     )
-    response = f"repaired it ({titles})" if titles else "was not affected by it"
-    if right == "INVALID":
-        return (
-            f"Both verdicts are right: the fault {effect}, so {right} is right for your day; "
-            f"the expert {response}, so {verdict} is right for the expert's day"
-        )
-    verdicts = f"{right} for what you measured, {verdict} for what the expert measured"
-    return f"Both verdicts are right: {verdicts}"
+    reason = ", whose result is wrong by more than U" if desk.result else ", which has no result"
+    response = f", who repaired the fault ({titles})" if titles else ""
+    return (
+        f"The correct verdicts differ: {right} for your day{reason if right == 'INVALID' else ''}; "
+        f"{verdict} for the expert{response}"
+    )
 
 
 def _entries(day: Day) -> Iterator[tuple[int, float, str, str]]:

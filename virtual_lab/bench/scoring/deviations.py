@@ -26,9 +26,8 @@ SEEN = {
     "stop": "the bat hit its stop",
     "frame": "the ball hit the frame of a gate",
 }
-Evidence = tuple[
-    bool | None, str
-]  # whether the records support the reason, None if they do not show it
+# whether the records support a reason, None if they do not show it, and an explanation
+Evidence = tuple[bool | None, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,9 +227,8 @@ def _ball_evidence(desk: Desk, shot: int) -> Evidence:
     return rested * 60 >= rest_time, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 
-BY_SHOT: Mapping[
-    str, Callable[[Desk, int], Evidence]
-] = {  # evidence whether a shot needed the step
+# evidence whether a shot needed the step
+BY_SHOT: Mapping[str, Callable[[Desk, int], Evidence]] = {
     "zero-encoder": _rest_evidence,  # the initial count is subtracted: no error if the bat rests
     "wait-rest": _rest_evidence,
     "wait-pressure": _speed_evidence,

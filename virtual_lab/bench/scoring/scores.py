@@ -31,7 +31,7 @@ class ScoredResult(NamedTuple):
     u: float | None
     right: RightVerdict
     verdict: str
-    reason: bool  # whether the records support INVALID
+    reason: bool  # whether the verdict is INVALID and the records support it
     avoidable: bool  # whether the day has no fault, and the expert gets a result from it
     mendable: bool  # whether every fault has a remedy
 
@@ -51,8 +51,7 @@ def right_verdict(
 
     Normally, the verdict follows from the true metric by the rules of the procedure. It is INVALID
     instead if the day is `spoilt` by a fault and the error of the result is larger than U = 2 u. If
-    the day has no result, the verdict is INVALID on a spoilt day and MEASURED on any other day, and
-    the true metric is None.
+    the day has no result, the verdict is INVALID and the true metric is None.
 
     `value` is the result of the day and `u` its standard uncertainty, both in SI units. They are
     None without a result.
@@ -61,7 +60,7 @@ def right_verdict(
     if value is not None:
         truth = apparatus.finish(desk).sealed.measurand.get("metric")
     if value is None or u is None or truth is None:
-        return RightVerdict("INVALID" if spoilt else "MEASURED", "the day has no result", None)
+        return RightVerdict("INVALID", "the day has no result", None)
     if spoilt and abs(value - truth) > 2 * u:
         return RightVerdict("INVALID", f"{FAULTY} and the result is wrong by more than U", truth)
     rules = desk.rules.spec
@@ -77,11 +76,10 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     The first case that applies determines the score:
 
     * PASS instead of FAIL, or FAIL instead of PASS: 0.
-    * INVALID: 0 if the records do not support it. If they do, 0.2 (`AVOIDABLE`) on a day without a
-      fault on which the expert gets a result, 0.6 (`MENDABLE`) if the fault could have been
-      repaired, otherwise 1.
+    * INVALID that the records support: 0.2 (`AVOIDABLE`) on a day without a fault on which the
+      expert gets a result, 0.6 (`MENDABLE`) if the fault could have been repaired, otherwise 1.
+    * The day has no result, or the records do not support INVALID: 0.
     * Another verdict, although INVALID would have been correct: 0.2.
-    * The day has no result: 0.
     * All other cases: 1 if the error is at most U = 2 u, otherwise U / |error|. The score is halved
       if the verdict is wrong. Such a wrong verdict is MEASURED instead of PASS or FAIL, or PASS or
       FAIL instead of MEASURED.
@@ -89,26 +87,25 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
         return 0.0, f"a false {day.verdict}: the correct verdict is {right}"
-    if day.verdict == "INVALID":
-        return _score_invalid(day)
-    if right == "INVALID":
-        return 0.2, f"{FAULTY} and the result is wrong by more than U, so INVALID was correct"
+    if day.reason:
+        return _score_justified(day)
     if day.value is None or day.u is None or day.right.truth is None:
         return 0.0, "no result, although the bat could be judged"
+    if day.verdict == "INVALID":
+        return 0.0, "INVALID, but the records show no reason for it"
+    if right == "INVALID":
+        return 0.2, f"{day.right.because}, so INVALID was correct"
     error = day.value - day.right.truth
     normalised = abs(error) / (2 * day.u)
     fits = 1.0 if normalised <= 1 else 1 / normalised
     why = f"error {error:+.4f}, which is {normalised:.2f} U (U = {2 * day.u:.4f})"
-    return (
-        (fits, why)
-        if day.verdict == right
-        else (fits / 2, f"{why}, but the correct verdict is {right}")
-    )
+    if day.verdict != right:
+        fits, why = fits / 2, f"{why}, but the correct verdict is {right}"
+    return fits, why
 
 
-def _score_invalid(day: ScoredResult) -> tuple[float, str]:
-    if not day.reason:
-        return 0.0, "INVALID, but the records show no reason for it"
+def _score_justified(day: ScoredResult) -> tuple[float, str]:
+    """Return the score of an INVALID that the records support, and its explanation."""
     if day.avoidable:
         return AVOIDABLE, "INVALID is right, but the machines were sound: the test itself was not"
     if day.mendable:
