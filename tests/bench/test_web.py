@@ -189,6 +189,20 @@ def test_every_answer_has_the_security_headers(browser: Browser, path: str) -> N
         assert "unsafe" not in policy
 
 
+def test_a_reason_is_in_the_display_and_the_verdicts_are_explained(browser: Browser) -> None:
+    """The display stays in sight where the focus goes; the seal is named until the hand-in."""
+    answer = browser.do("give-verdict", verdict="")
+    display = answer.text[answer.text.index('id="display"') :].partition("</section>")[0]
+    assert 'role="alert"' in display
+    assert "is missing; allowed: PASS, FAIL, INVALID, MEASURED" in display
+    form = answer.text[answer.text.index('value="give-verdict"') :].partition("</form>")[0]
+    assert "MEASURED: the rules set no limit" in form
+    assert "The truth of this day is sealed" in answer.text
+    browser.do("give-verdict", verdict="INVALID")
+    browser.do("hand-in")
+    assert "The truth of this day is sealed" not in browser.ask("/").text
+
+
 def test_after_a_verdict_without_a_reduction_the_hand_in_is_next(browser: Browser) -> None:
     for action in asked([*PLAIN, ("give-verdict", {"verdict": "INVALID"})]):
         browser.day.stored.do(action)

@@ -42,7 +42,8 @@ class Argument(Spec):
         """
         if raw is None or (isinstance(raw, str) and not raw.strip()):
             if self.default is None:
-                raise InputError(action, self.name, None, "is missing")
+                choices = f"; allowed: {', '.join(self.choices)}" if self.choices else ""
+                raise InputError(action, self.name, None, f"is missing{choices}")
             return self.default
         if self.kind == "text":
             text = str(raw).strip()
