@@ -17,7 +17,7 @@ from virtual_lab.bench.day.day import Day, DayEvent, replay_events
 from virtual_lab.bench.day.desk import EnteredResult
 from virtual_lab.bench.scoring import costs
 from virtual_lab.bench.scoring import debrief as debriefing
-from virtual_lab.bench.scoring.debrief import Debrief, debrief
+from virtual_lab.bench.scoring.debrief import DayScore, Debrief, _advice, debrief
 from virtual_lab.bench.scoring.deviations import DENIED, JUSTIFIED, OPEN, Deviation
 from virtual_lab.bench.scoring.scores import detection_score, right_verdict
 from virtual_lab.errors import InputError
@@ -355,6 +355,17 @@ def test_unjustified_decisions_lower_the_record_score(debrief_of: Any) -> None:
     )
     assert scores(found)["record"] == pytest.approx(2 / 4)
     assert scores(found)["economy"] == pytest.approx(100 / (5 * (len(days) + 2)) * 2 / 4)
+
+
+@pytest.mark.parametrize(("economy", "change"), [(0.3, "economy: "), (0.55, "result: ")])
+def test_economy_is_to_improve_by_its_own_loss(economy: float, change: str) -> None:
+    """Result .6, a factor of economy: 3 (.6 - .3) is more than 1 - .6, and 3 (.6 - .55) less."""
+    values = {"result": (0.6, 1.0), "detection": (1.0, 1.0), "economy": (economy, 3.0)}
+    scored = tuple(
+        DayScore(name=name, value=value, weight=weight, because="")
+        for name, (value, weight) in values.items()
+    )
+    assert _advice(scored) == ("detection: ", change)
 
 
 def test_only_checks_without_a_sign_cost_time(debrief_of: Any) -> None:

@@ -150,18 +150,16 @@ class Debrief:
     steps: tuple[StepReview, ...]
     deviations: tuple[Deviation, ...]
     own: tuple[EnteredResult, ...]
-    hits: tuple[
-        tuple[HitResult | None, HitResult | None], ...
-    ]  # the trainee's and the expert's shots, in pairs
+    # the trainee's and the expert's shots, in pairs
+    hits: tuple[tuple[HitResult | None, HitResult | None], ...]
     expert: ExpertDay
     disputes: tuple[tuple[str, str], ...]  # disputed score, and the trainee's note
     practice: int  # entry from which an earlier day is repeated; 0: no practice
     chart: str  # run chart of the shots as SVG
     minutes: float
     shots: int
-    entries: tuple[
-        tuple[int, float, str, str], ...
-    ]  # number, time [min], action, arguments in words
+    # number, time [min], action, arguments in words
+    entries: tuple[tuple[int, float, str, str], ...]
 
     @property
     def nothing_wrong(self) -> bool:
@@ -414,9 +412,11 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
     """Return two sentences: on the best scores, and on the score that cost the most points."""
     top = max(score.value for score in scores)
     best = [score for score in scores if score.value > top - 0.005]
-    worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
-    loss = (1 - worst.value) * worst.weight
-    change = f"{worst.name}: {worst.because}" if loss > 0.02 else "nothing"
+    # the score `result`, a factor of `economy`, is its highest value
+    most = {"economy": next(score.value for score in scores if score.name == "result")}
+    losses = [(most.get(score.name, 1.0) - score.value) * score.weight for score in scores]
+    worst = scores[losses.index(max(losses))]
+    change = f"{worst.name}: {worst.because}" if max(losses) > 0.02 else "nothing"
     because = best[0].because if len(best) == 1 else f"{top:.2f} each"
     return f"{', '.join(score.name for score in best)}: {because}", change
 
