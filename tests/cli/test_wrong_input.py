@@ -726,7 +726,7 @@ def test_too_little_memory_is_one_line(run: Run, monkeypatch: pytest.MonkeyPatch
     """A number of laboratories that fits into no address space; an error without a size."""
     little = "virtual-lab: not enough memory{}; allowed: smaller numbers or files\n"
     words = ("coverage", "--laboratories", "1" + "0" * 18)
-    assert run(*words) == (2, "", little.format(" (6.94 EiB)"))
+    assert run(*words) == (2, "", little.format(": 6.94 EiB"))
 
     def fill(*_: object, **__: object) -> None:
         raise MemoryError

@@ -151,7 +151,7 @@ def test_a_run_that_fails_says_what_to_do(
     visitor: Visitor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = finish(visitor, "sweep", b"bats=r161&laboratories=1000000000000000000")
-    assert "not enough memory (6.94 EiB); allowed: smaller numbers or files" in words_of(page)
+    assert "not enough memory: 6.94 EiB; allowed: smaller numbers or files" in words_of(page)
     monkeypatch.setattr(working, "carry_out", None)
     page = words_of(finish(visitor, "show", b"name=r161"))
     assert "a bug in this program, not in your input; please report the text below" in page

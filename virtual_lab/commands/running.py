@@ -53,8 +53,7 @@ def carry_out(call: Call, progress: Progress) -> CallOutcome:
     try:
         result = command.function(**given, **more)
     except MemoryError as fault:
-        size = re.search(r"\d\S* .iB", str(fault))  # in an error of numpy
-        little = f"not enough memory ({size[0]})" if size else "not enough memory"
+        little = ": ".join(["not enough memory", *re.findall(r"\d\S* .iB", str(fault))])
         raise InputError("", little, None, "allowed: smaller numbers or files") from fault
     result = replace(result, **how) if how else result
     words = f"virtual-lab {command.name} --config {SETTINGS}"

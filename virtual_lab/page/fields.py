@@ -42,33 +42,28 @@ def controls(
     example, shown, said = shlex.split(command.example), [], "".join(faults.values())
     every = {key: texts(each.default) for key, each in command.parameters.items()} | {**values}
     stated = given(command, every)
-    for key, each in command.parameters.items():
-        if not has_control(command, key):
-            continue
+    for key, each in with_control(command).items():
         named = f"--{command.option(key)}" in example and key not in FOLDED
         used = command.takes_position(key) or each.default is REQUIRED or named
         kind, choices = _kind(command, each, folder)
-        entered = every[key]
         if kind in ("path", "paths", "choice", "choices"):  # a value from elsewhere
-            choices += [(text, text) for text in entered if text not in dict(choices)]
+            choices += [(text, text) for text in every[key] if text not in dict(choices)]
         first = used or key in {*stated, *faults} or field_name(key) in said
-        shown.append(Control(each, kind, choices, entered, faults.get(key, ""), first))
+        shown.append(Control(each, kind, choices, every[key], faults.get(key, ""), first))
     return shown
 
 
-def has_control(command: Command, key: str) -> bool:
-    """Return whether a parameter has a control in the form of a command."""
-    hidden = WORDS["hidden"]
-    return key not in hidden["everywhere"] and key not in hidden.get(command.name, ())
+def with_control(command: Command) -> dict[str, ParameterDescription]:
+    """Return the parameters that have a control in the form of a command, by name."""
+    hidden = WORDS["hidden"]["everywhere"] | WORDS["hidden"].get(command.name, {})
+    return {key: each for key, each in command.parameters.items() if key not in hidden}
 
 
 def given(command: Command, form: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """Return the values that a form states; those that equal a default are left out."""
     values: dict[str, Any] = {}
-    for key, each in command.parameters.items():
+    for key, each in with_control(command).items():
         entered = [text.strip() for text in form.get(key, ()) if text.strip()]
-        if not has_control(command, key):
-            continue
         if each.rule.kind == "flag" or is_new(each):
             values[key] = bool(entered)
         elif each.rule.several and each.rule.kind == "number":
@@ -92,9 +87,8 @@ def _kind(
         endings = () if rule.kind == "folder" else tuple(WORDS["endings"].get(each.name, [".toml"]))
         kinds = () if endings else rule.holds or tuple(KINDS)
         sealed = "truth" if command.name == "score" else ""  # a result without truth has no score
-        fitting = [
-            each for each in offered(folder, kinds, endings) if Path(each[0], sealed).exists()
-        ]
+        every = offered(folder, kinds, endings)
+        fitting = [each for each in every if Path(each[0], sealed).exists()]
         return "paths" if several else "path", fitting
     if rule.kind == "number":
         return "numbers" if several else "number", []

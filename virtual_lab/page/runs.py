@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,6 +38,7 @@ from virtual_lab.parameters import SETTINGS
 from virtual_lab.processes import Worker, WorkerLostError
 from virtual_lab.sheets import FORM_TITLES
 
+Values = Mapping[str, Any]  # values of a call by name of the field
 CHOSEN = ("out", "csv")  # fields of which a user does not think
 LARGEST = 10**6  # above all numbers of runs
 MOST = 2  # runs at the same time
@@ -69,7 +70,7 @@ class StartedRun:
         """Return whether the run used what an earlier one wrote, or corrects its track."""
         used = {text for each in self.values.values() for text in texts(each)}
         uses = used & {*other.outcome["written"]} and other.call["began"] < self.call["began"]
-        return bool(uses) or self.call.get("of") == other.number
+        return bool(uses) or self.call.get("of") == other.path.name
 
     @property
     def stated(self) -> str:
@@ -100,17 +101,15 @@ class StartedRun:
         return str(self.call["values"].get("day", "")) if serves_bench(self.call) else ""
 
     @property
-    def in_progress(self) -> bool:
-        """Whether the run has no outcome yet."""
-        return self.live and not self.outcome["answer"]
-
-    @property
     def addresses(self) -> list[tuple[str, str]]:
         """The users of the bench that the run serves, each with the address to open."""
+        return re.findall(r"(?m)^([^,:]+).*: open (http\S+)", self._text(SAID))
+
+    def _text(self, name: str) -> str:
+        """Return the text of a file of the run, empty without the file."""
         with suppress(OSError):
-            said = (self.path / SAID).read_text("utf-8")
-            return re.findall(r"(?m)^([^,:]+).*: open (http\S+)", said)
-        return []
+            return (self.path / name).read_text("utf-8")
+        return ""
 
     @property
     def stage(self) -> str:
@@ -120,20 +119,17 @@ class StartedRun:
     @property
     def progress(self) -> str:
         """The current task, or an empty string."""
-        with suppress(OSError):
-            return (self.path / PROGRESS_LINE).read_text("utf-8")
-        return ""
+        return self._text(PROGRESS_LINE)
 
     @property
     def files(self) -> dict[str, Path]:
         """The written files by the name that the page shows."""
-        found = {}
-        for text in self.outcome["written"]:
-            path = Path(text)
-            for each in (path, *sorted(path.rglob("*"))):
-                if each.is_file():
-                    found[str(each.relative_to(path.parent))] = each
-        return found
+        return {
+            str(each.relative_to(path.parent)): each
+            for path in map(Path, self.outcome["written"])
+            for each in (path, *sorted(path.rglob("*")))
+            if each.is_file()
+        }
 
 
 class Runs:
@@ -143,13 +139,11 @@ class Runs:
         self.folder, self.lock = folder, Lock()
         self.workers: dict[int, Worker] = {}  # of the runs in progress
 
-    def start(
-        self, command: Command, values: Mapping[str, Any], of: int | None = None
-    ) -> StartedRun:
+    def start(self, command: Command, values: Values, of: StartedRun | None) -> StartedRun:
         """Start a run. Raises `InputError` for values that are not allowed, or if two are running.
 
-        The values are those of a form; folders and files of the result are added. `of` is the
-        number of the run whose result the form corrects.
+        The values are those of a form; folders and files of the result are added. `of` is the run
+        whose result the form corrects.
         """
         new = _new_fields(command, values)
         command.require(bind(command, {**values, **dict.fromkeys(new, "x")}).values)
@@ -160,8 +154,8 @@ class Runs:
             number = self._next()
             values = {**values, **self._places(command, values, new, number)}
             check_target(bind(command, values))
-            call = {"command": command.name, "values": values, "began": time.time(), "of": of}
-            path = self._store(number, {CALL: call})
+            call = {"command": command.name, "values": values, "began": time.time()}
+            path = self._store(number, {CALL: {**call, "of": of and of.path.name}})
             self.workers[number] = Worker(f"run {number}")
         run = StartedRun(path, True)
         Thread(target=self._carry_out, args=(run,), daemon=True).start()
@@ -174,11 +168,10 @@ class Runs:
         """
         with self.lock:
             known = {text for run in self.all() for text in run.outcome["written"]}
-            results = [] if self.workers else [*offered(self.folder, ("result",), ())]
-            for text, _ in reversed(results):
+            results = [] if self.workers else [*dict(offered(self.folder, ("result",), ()))]
+            for text in [each for each in reversed(results) if each not in known]:
                 with suppress(InputError, OSError, KeyError, TypeError):  # a damaged folder
-                    if text not in known:
-                        self._adopt(Path(text))
+                    self._adopt(Path(text))
 
     def _adopt(self, result: Path) -> None:
         certificate, settings = result / "certificate.json", result / SETTINGS
@@ -205,9 +198,7 @@ class Runs:
             self.workers[run.number].call(carry_out_run, run.path)
         self.workers.pop(run.number).end()
 
-    def _places(
-        self, command: Command, values: Mapping[str, Any], new: Sequence[str], number: int
-    ) -> dict[str, Any]:
+    def _places(self, command: Command, values: Values, new: list[str], number: int) -> Values:
         """Return new folders and files below the folder of the page, by name of the field."""
         stated = {key: each for key, each in values.items() if key not in new}
         usual = check_target(bind(command, stated)) if command.output.folder else None
@@ -235,8 +226,7 @@ class Runs:
 
     def cancel(self, number: int) -> None:
         """End a run in progress; nothing of its result is left."""
-        worker = self.workers.get(number)
-        if worker:
+        if worker := self.workers.get(number):
             worker.dismiss()
 
     def end(self) -> None:
@@ -254,7 +244,7 @@ class Runs:
         return [run for each in self._folders() if (run := self.get(int(each.name)))]
 
 
-def _new_fields(command: Command, values: Mapping[str, Any]) -> list[str]:
+def _new_fields(command: Command, values: Values) -> list[str]:
     """Return the fields for which the page names a new folder or file."""
     fields = command.fields
     result = [key for key in ("out", "csv") if key in fields][:1]
@@ -263,8 +253,6 @@ def _new_fields(command: Command, values: Mapping[str, Any]) -> list[str]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        content: dict[str, Any] = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content
+    with suppress(OSError, ValueError):
+        return dict(json.loads(path.read_text("utf-8")))
+    return {}

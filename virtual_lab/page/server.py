@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import parse_qs, quote
 
 from starlette.applications import Starlette
@@ -36,7 +36,9 @@ from virtual_lab.page.wording import field_name, limits, refusal, texts
 from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
+Thing = TypeVar("Thing")
 PACKAGE = "virtual_lab.page"
+Form = Mapping[str, Sequence[str]]  # texts of a form by name of the field
 SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows
 
 
@@ -54,7 +56,6 @@ class Page:
             folder=self.folder,
             commands=self.commands,
             sections=SECTIONS,
-            quote=quote,
             local_time=datetime.fromtimestamp,
             words=wording,
             REQUIRED=REQUIRED,
@@ -69,9 +70,7 @@ class Page:
         asks = "quit" in request.query_params
         return self.render("start.html", runs=self.runs.all(), size=size, asks=asks)
 
-    def form(
-        self, command: Command, values: Mapping[str, Sequence[str]], faults: Mapping[str, str]
-    ) -> Response:
+    def form(self, command: Command, values: Form, faults: Mapping[str, str]) -> Response:
         """Return the form of a command, with sentences about values that were refused.
 
         The key of a sentence is the name of its field, or empty for a sentence above the form.
@@ -95,36 +94,26 @@ class Page:
         return self.runs.get(int(number)) if number.isdecimal() and len(number) < 7 else None
 
     def _command(self, request: Request) -> Command:
-        command = self.commands.get(request.path_params["name"])
-        if command is None:
-            raise HTTPException(404)
-        return command
+        return _require(self.commands.get(request.path_params["name"]))
 
     @parameters_named(field_name)
-    def begin(self, request: Request, form: Mapping[str, Sequence[str]]) -> Response:
+    def begin(self, request: Request, form: Form) -> Response:
         """Start a run with the values of a form, or return the form with what is refused."""
         command, earlier = self._command(request), self._earlier(request)
-        of = earlier.number if earlier else None
         form = {key: form.get(key, ()) for key in command.parameters}
         try:
-            run = self.runs.start(command, given(command, form), of)
+            run = self.runs.start(command, given(command, form), earlier)
         except RefusedError as fault:
-            refused = {
-                key: self._sentence(command, key, form, words)
-                for key, words in fault.faults.items()
-            }
+            refused = {key: self._sentence(command, key, form, fault) for key in fault.faults}
             return self.form(command, form, refused)
         except InputError as fault:
             return self.form(command, form, dict([refusal(command, fault, form)]))
         return RedirectResponse(f"/run/{run.number}", status_code=303)
 
-    def _sentence(
-        self, command: Command, key: str, form: Mapping[str, Sequence[str]], words: str
-    ) -> str:
-        """Return the sentence about a refused value of a form, of which `words` is the error."""
-        text = ", ".join(form.get(key, ())).strip()
-        rule = command.fields[key].rule
-        if of_other_kind := re.fullmatch("(.*): folder; (is .*)", words):
+    def _sentence(self, command: Command, key: str, form: Form, fault: RefusedError) -> str:
+        """Return the sentence about a refused value of a form."""
+        text, rule = ", ".join(form.get(key, ())).strip(), command.fields[key].rule
+        if of_other_kind := re.fullmatch("(.*): folder; (is .*)", fault.faults[key]):
             return "“{}” {}.".format(*of_other_kind.groups())
         number = re.sub("^one ", "a ", rule.allowed).replace("2^128 - 1", "2¹²⁸ − 1")
         allowed = number if rule.kind == "number" else limits(rule) or "one of the choices"
@@ -148,10 +137,7 @@ class Page:
         )
 
     def _run(self, request: Request) -> StartedRun:
-        run = self.runs.get(request.path_params["number"])
-        if run is None:
-            raise HTTPException(404)
-        return run
+        return _require(self.runs.get(request.path_params["number"]))
 
     def progress(self, request: Request) -> Response:
         """Return the progress of a run as JSON. It is not live if its page shows another stage."""
@@ -164,9 +150,7 @@ class Page:
     def file(self, request: Request) -> Response:
         """Return a file of a result; a page or picture to be shown, anything else to be kept."""
         run = self._run(request)
-        path = run.files.get(request.query_params.get("name", ""))
-        if path is None:
-            raise HTTPException(404)
+        path = _require(run.files.get(request.query_params.get("name", "")))
         shown = "inline" if path.suffix in SHOWN else "attachment"
         kept = f"{shown}; filename*=utf-8''{quote(path.name)}"
         return FileResponse(path, headers={**SANDBOX, "Content-Disposition": kept})
@@ -202,12 +186,19 @@ class Page:
 
     def quit(self, request: Request) -> Response:
         """End all runs and the server. With a run in progress the start page asks first."""
-        asks = any(run.in_progress for run in self.runs.all())
+        asks = any(run.live and not run.outcome["answer"] for run in self.runs.all())
         if asks and "sure" not in request.query_params:
             return RedirectResponse("/?quit=yes", status_code=303)
         self.runs.end()
         self.quit_now()
         return sentence_page(200, f"Results are in {self.folder}.", title="The page is closed")
+
+
+def _require(thing: Thing | None) -> Thing:
+    """Return `thing`. Raise `HTTPException` if it is None, so that there is no such page."""
+    if thing is None:
+        raise HTTPException(404)
+    return thing
 
 
 class PageDoor(Door):

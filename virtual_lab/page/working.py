@@ -23,6 +23,7 @@ from virtual_lab.page.fields import is_new
 from virtual_lab.page.wording import field_name, refusal
 
 CALL, OUTCOME, PROGRESS_LINE, SAID = "call.json", "outcome.json", "progress.txt", "said.txt"
+BY_ITSELF = {"operator", "script", "replay"}  # fields with which a day needs no bench
 BLANK: dict[str, Any] = {  # an outcome without a result
     **dict.fromkeys(("answer", "text", "refused", "field", "shell", "python"), ""),
     **dict.fromkeys(("flags", "warnings", "written", "missing"), ()),
@@ -32,8 +33,7 @@ BLANK: dict[str, Any] = {  # an outcome without a result
 
 def serves_bench(call: Mapping[str, Any]) -> bool:
     """Return whether a call serves the bench, until the run is ended."""
-    by_itself = call["values"].keys() & {"operator", "script", "replay"}
-    return call["command"] == "rehearse" and not by_itself
+    return call["command"] == "rehearse" and not call["values"].keys() & BY_ITSELF
 
 
 class ProgressFile:

@@ -305,12 +305,8 @@ def test_an_animated_webp_is_read_and_needs_a_rate(tmp_path: Path) -> None:
     clip = open_clip(path, ClipCalibration(metres_per_pixel=1e-3, frames_per_second=50))
     grey = [float(picture[..., :3].mean()) for picture in clip.pictures()]
     np.testing.assert_allclose(grey, 20 * np.arange(10), atol=4)
-    stated = "has no frame rate; give fps=, or .* timestamps in the file of calibration="
-    with pytest.raises(InputError, match=stated):
+    with pytest.raises(InputError, match=r"a still picture\?\); give fps=, or .* calibration="):
         open_clip(path, ANY)
-    cv2.imwrite(str(path.with_suffix(".png")), animation.frames[0])
-    with pytest.raises(InputError, match="clip; a still picture has no motion"):
-        open_clip(path.with_suffix(".png"), ANY)
 
 
 def test_a_png_that_moves_is_a_clip(tmp_path: Path) -> None:

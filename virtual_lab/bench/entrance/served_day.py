@@ -77,8 +77,7 @@ class ServedDay:
         self._begun = (folder / LOG).exists()
         self.first_view = threading.Event()
         self._expert: Future[Day] | None = None
-        # number of entries, debrief
-        self._debrief_future: tuple[int, Future[Debrief]] | None = None
+        self._debrief_future: Future[Debrief] | None = None  # of all entries
         self._films: dict[tuple[int, bool], Future[bytes]] = {}  # key: shot, whether true
         self._filming = threading.Lock()
 
@@ -154,7 +153,7 @@ class ServedDay:
 
             self._expert = DEBRIEFS.do(partial(expert_day, self.stored.apparatus, self.stored.day))
         if self.open_book:
-            self._debrief_in_background()
+            self._debrief_future = DEBRIEFS.do(self._make_debrief)
         return event
 
     def film(self, shot: int, *, true: bool) -> bytes:
@@ -229,20 +228,13 @@ class ServedDay:
             raise InputError(
                 "debrief", "day", None, "is an exam, so your trainer opens the debrief"
             )
-        debrief = self._debrief_in_background()
+        debrief = self._debrief_future = self._debrief_future or DEBRIEFS.do(self._make_debrief)
         try:
             return debrief_page(debrief.result(patience), linked=True)
         except TimeoutError as late:
             jobs_ahead = DEBRIEFS.jobs_ahead(debrief)
             words = f"Debriefs before yours: {jobs_ahead}" if jobs_ahead else "Your debrief is next"
             raise TimeoutError(words) from late
-
-    def _debrief_in_background(self) -> Future[Debrief]:
-        """Return the debrief of all entries so far, which is computed and saved once."""
-        entries = len(self.stored.day.events)
-        if self._debrief_future is None or self._debrief_future[0] != entries:
-            self._debrief_future = entries, DEBRIEFS.do(self._make_debrief)
-        return self._debrief_future[1]
 
     def _make_debrief(self) -> Debrief:
         from virtual_lab.bench.scoring.debrief import debrief_of

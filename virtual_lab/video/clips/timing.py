@@ -78,11 +78,8 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
 
     `rounding` is the step to which the time stamps are rounded [s].
     """
-    if source.rate is None and len(stamps) == 1:
-        raise InputError(str(source.path), "clip", None, "a still picture has no motion")
     if source.rate is None:
-        allowed = "the clip has no frame rate; give {fps}, "
-        allowed += "or frames_per_second or timestamps in the file of {calibration}"
+        allowed = "no frame rate (a still picture?); give {fps}, or timestamps in {calibration}"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
     times, warnings = np.arange(len(stamps)) / source.rate, []
     if np.isfinite(stamps).all() and np.ptp(stamps - times) >= rounding:
