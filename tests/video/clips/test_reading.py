@@ -221,7 +221,10 @@ def test_unreliable_rates_and_containers_give_a_warning(tmp_path: Path) -> None:
             "ball_diameter_m = 0.07\nframes_per_second = 1e3\nexposure_s = 0.1",
             "longer than the frame",
         ),
-        ("ball_diameter_m = 0.07\n[camera]\nimage_size = [4, 3]", "camera.matrix; this key is m"),
+        (
+            "ball_diameter_m = 0.07\n[camera]\nimage_size = [4, 3]",
+            "camera.translation_m; these keys are m",
+        ),
     ],
 )
 def test_bad_calibration_files_are_refused(content: str, words: str, tmp_path: Path) -> None:
