@@ -560,7 +560,7 @@ CASES: dict[str, Case] = {
     "a decimal comma": (
         record(GATES, _last_cell("1,5")),
         "reduce r",
-        ["gates.csv", "cannot be read"],
+        ["gates.csv", "cells", "decimal commas"],
     ),
     "semicolons": (record(GATES, lambda t: t.replace(",", ";")), "reduce r", ["semicolon"]),
     "a row twice": (

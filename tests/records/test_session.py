@@ -220,7 +220,7 @@ GATES = "impact/gates.csv"
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,soon"), "gates.csv", "time_s", "numbers"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,0,15.0"), "gates.csv", "rows", "same"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,13.5"), "gates.csv", "time_s", "clears before"),
-        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,15.0,9"), "gates.csv", "CSV", "cannot be read"),
+        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,15.0,9"), "gates.csv", "line", "decimal commas"),
         (
             lambda f: (f / GATES).write_text((f / GATES).read_text().replace("15.0", "15.5")),
             "gates.csv",

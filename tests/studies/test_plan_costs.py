@@ -95,5 +95,5 @@ def test_form_of_prices(tmp_path):
     path = vl.template("prices", tmp_path / "prices.toml")
     document = parse_toml(path.read_text(), str(path))
     assert set(document) == set(Prices.__dataclass_fields__)
-    with pytest.raises(InputError, match="source"):
+    with pytest.raises(InputError, match=r"source = ''; must not be empty"):
         Prices.read(path)

@@ -12,6 +12,7 @@ from virtual_lab.errors import InputError, nearest
 T = TypeVar("T")
 WORDS = {  # plain English for the validator's messages
     "Input should": "must",
+    "String should have at least 1 character": "must not be empty",
     "Keys should": "Keys must",
     "Tuple should": "must",
     "a valid dictionary": "a table { key, value }",

@@ -29,7 +29,6 @@ DEEPEST = 32  # largest nesting depth of a document; the files of this project h
 # pattern of a dotted key that is nested too deeply
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 NESTED = f"is nested deeper than {DEEPEST} levels"
-LONGER_ROW = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")  # words of pandas
 EMPTY_CELL = re.compile(rb"(?<=[,\n])(?=[,\r\n])")
 LITTER = ("._*", ".DS_Store", "Thumbs.db", "desktop.ini")  # files that a system adds to a folder
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
@@ -227,6 +226,7 @@ def parse_table(
     import pandas as pd
 
     head = _head(data, where, delimiter)
+    _require_whole_rows(data, where, delimiter, len(head))
     with warnings.catch_warnings():
         # pandas would drop or shift the cells of a row longer than the header
         warnings.simplefilter("error", pd.errors.ParserWarning)
@@ -242,18 +242,11 @@ def parse_table(
                 skipinitialspace=True,
                 encoding="utf-8-sig",
             )
-        except pd.errors.ParserWarning as fault:
-            why = "rows are longer than the header (decimal commas?)"
-            raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
-        except (ValueError, pd.errors.ParserError) as fault:
+        except (ValueError, pd.errors.ParserError, pd.errors.ParserWarning) as fault:
             why = " ".join(str(fault).split())
-            if longer := LONGER_ROW.search(why):
-                header, line, cells = longer.groups()
-                why = f"line {line} has {cells} cells, the header has {header} (decimal commas?)"
             raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
     if table.empty:
         raise InputError(where, "rows", 0, "the table has a header but no rows")
-    _require_whole_rows(data, where, delimiter, len(head))
     return table
 
 
@@ -277,13 +270,14 @@ def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
 
 
 def _require_whole_rows(data: bytes, where: str, delimiter: str, cells: int) -> None:
-    """Refuse a row shorter than the header, which pandas would fill: the file may be truncated."""
+    """Refuse a row shorter or longer than the header, which pandas would fill or cut."""
     if b'"' in data:
         return  # quoted cells may contain the delimiter
     for number, line in enumerate(data.splitlines(), 1):
         count = line.count(delimiter.encode()) + 1
-        if count < cells and line.strip():
-            allowed = f"the header has {cells} (is the record cut short?)"
+        if count != cells and line.strip():
+            why = "is the record cut short?" if count < cells else "decimal commas?"
+            allowed = f"the header has {cells} ({why})"
             raise InputError(where, f"line {number}", f"{count} cells", allowed)
 
 

@@ -266,7 +266,7 @@ TEXT = THEIRS.to_csv(index=False)
         (_as(TEXT.replace("gate", "way", 1)), "columns", "way", "twice in the header"),
         (_as(TEXT.replace(",", ";")), "delimiter", "semicolon", "expected commas"),
         (_as(TEXT.replace(",", "\t")), "delimiter", "tab", "expected commas"),
-        (_as(TEXT.replace(".0", ",0")), "CSV", None, "longer than the header"),
+        (_as(TEXT.replace(".0", ",0")), "line 2", "6 cells", "decimal commas"),
         (_as(TEXT[: TEXT.rindex(",")]), "line 17", "4 cells", "the header has 5"),
         (_as(""), "CSV", None, "empty"),
         (_as("\n \n"), "CSV", None, "empty"),
@@ -276,7 +276,7 @@ TEXT = THEIRS.to_csv(index=False)
         (_as("PK\x03\x04\x00\x00"), "CSV", None, "not text"),
         (lambda _: TEXT.encode("utf-16"), "CSV", None, "not text"),
         (lambda _: b"\xff\xd8\xff\xe0" + bytes(range(1, 99)), "CSV", None, "not UTF-8"),
-        (lambda _: TEXT.encode() + b"\xff,1\n", "CSV", None, "cannot be read"),
+        (lambda _: TEXT.encode() + b"\xff,1,1,1,1\n", "CSV", None, "cannot be read"),
         (lambda t: t.iloc[:-1], "rows", 15, "cut short"),
         (lambda t: pd.concat([t, t.iloc[:1]]), "rows", 17, ""),
         (

@@ -410,7 +410,8 @@ def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightRe
     flights = flight_readings(block, stage)
     shots = len(flights.raw.contact)
     if len(log.ball) != shots:
-        raise InputError(stage, "shots", shots, f"the log has {len(log.ball)} shots")
+        words = f"the other records of {stage} have {shots} shots"
+        raise InputError(f"{stage}/log", "shots", len(log.ball), words)
     return log, flights
 
 
