@@ -41,9 +41,11 @@ def test_plans_by_price(prices, monkeypatch):
     present, *rows = plans
     assert present.currency == "EUR"
     assert present.price == pytest.approx(50 * (1.5 * present.minutes + 6 * 12))
-    for compared in ("cheapest", "equal", "higher"):
+    for compared in ("chosen", "equal", "higher"):
         cost = [row.price for row in rows if row.plan.isdigit() and row.compared == compared]
         assert cost == sorted(cost)
+    assert f"; chosen by price: {rows[0].price:.0f} EUR; exchanged: " in plans.title
+    assert plans.text.count("less than 375 EUR above") == 2  # five minutes of 50 tests
     names = {name for row in rows for name in row.exchanged.split(", ")}
     assert names <= {"none", "balance-stand", "pivot-gates"}
     assert rows[0].reaches != "no"

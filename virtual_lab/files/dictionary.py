@@ -287,7 +287,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "reaches": _M(
         "yes or no, beyond two standard errors of the simulated u; otherwise not decided", WORDS
     ),
-    "compared": _M("cost of the plan: cheapest, equal to it, or higher", WORDS),
+    "compared": _M("cost of the plan: chosen, equal to it, or higher", WORDS),
 }
 PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on the table
     "contribution.*": _M("contribution of * to u", PER_ROW),

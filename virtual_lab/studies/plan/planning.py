@@ -1,4 +1,4 @@
-"""Plans of a laboratory that reach a target u, the cheapest first: predicted, then simulated."""
+"""Plans of a laboratory that reach a target u at the least cost: predicted, then simulated."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ HALF = (
     "Exchanged: an instrument with half of each standard uncertainty and scatter of its data sheet,"
     " or the one offered; `pivot` is the survey of the rig, in the rig's data sheet."
 )
-EQUAL = (
-    "Cheapest: reaches the target beyond two standard errors; of plans less than 5 min above the"
-    " least, the one with the fewest exchanges. Equal: less than 5 min dearer, or cheaper but not"
-    " decided. Simulated u is a median over tests."
+COST = (
+    "Chosen: reaches the target beyond two standard errors; of plans less than {close} above the"
+    " least cost, the one with the fewest exchanges. Equal: less than {close} above the chosen one,"
+    " or below it. Simulated u is a median over tests."
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LaboratoryPlans(Rows[PlanRow]):
-    """Plans that reach a target u, the cheapest first, beside the present laboratory.
+    """Plans that reach a target u, the chosen one first, beside the present laboratory.
 
     If no plan reaches it, the last row is the floor, the plan with the smallest u.
     """
@@ -60,21 +60,18 @@ class LaboratoryPlans(Rows[PlanRow]):
             currency = self.rows[0].currency
             labels: dict[float, list[PlanRow]] = {}  # plans of the same cost share a label
             for row in self.rows:
-                planned, simulated = row.planned_u, row.simulated_u
+                u = row.planned_u, row.simulated_u
                 cost = row.minutes if row.price is None else row.price
                 labels.setdefault(cost, []).append(row)
-                axes.plot([planned, simulated], [cost] * 2, color="0.6", linewidth=0.6)
-                axes.plot(planned, cost, "|", color="black")
-                axes.errorbar(simulated, cost, xerr=row.simulated_u_se, fmt="ok", markersize=3)
+                axes.plot(u, [cost] * 2, "|-", color="0.6", mec="k", markevery=[0], linewidth=0.6)
+                axes.errorbar(u[1], cost, xerr=row.simulated_u_se, fmt="ok", markersize=3)
             for cost, rows in labels.items():
                 names = ", ".join(row.plan for row in rows)
                 right = max(row.simulated_u for row in rows)
                 axes.annotate(names, (right, cost), (4, 4), textcoords="offset points", fontsize=7)
             axes.axvline(self.target_u, color="0.5", linewidth=0.6, linestyle="--")
-            axes.set_title(
-                f"{as_drawn(self.title.partition(':')[0])}; mark: planned, dashed: target"
-            )
             axes.set(
+                title=f"{as_drawn(self.title.partition(':')[0])}; mark: planned, dashed: target",
                 xlabel=with_axis_unit("median $u$", self.unit),
                 ylabel=f"price, {currency}" if currency else "minutes of a test",
             )
@@ -98,18 +95,18 @@ def plan(
     """Find the cheapest way to an uncertainty.
 
     A plan has more hits, balls or wall hits than the procedure requires, or better instruments. The
-    table has the present laboratory and at most ten plans, the cheapest first. The cheapest plan
-    has the fewest minutes, or the lowest price if `prices` is given. If a single change of the
-    present laboratory is enough, the table also has the cheapest single change. If no plan reaches
-    the target, the table has the plan with the smallest u (the floor), and the text names the
-    largest terms of this u.
+    table has the present laboratory and at most ten plans, the chosen one first. The cost of a plan
+    is the minutes of one test, so that instruments cost nothing, or the price of all tests and
+    exchanged instruments if `prices` is given. If a single change of the present laboratory is
+    enough, the table also has the cheapest single change. If no plan reaches the target, the table
+    has the plan with the smallest u (the floor), and the text names the largest terms of this u.
 
     Hits, balls and wall hits are multiplied by 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4, and rounded.
     At most eight instruments are exchanged for better ones, the data sheets in `prices`. By default
     a better instrument has half of each standard uncertainty and half of each scatter, such as the
     scatter of a cannon's aim. Instruments that hardly lower u are not exchanged. A better
     instrument changes the minutes only by the number of shots: a cannon that aims better needs
-    fewer. Apart from the cheapest plan, a plan is left out if it would also reach the target with
+    fewer. Apart from the chosen plan, a plan is left out if it would also reach the target with
     one exchanged instrument fewer, or with the next smaller number of hits, balls or wall hits.
 
     The u of a plan is predicted from the budget of the present laboratory, and corrected by the
@@ -119,8 +116,10 @@ def plan(
     beyond those of the table (about 20 s of processor time).
 
     In the table, *reaches the target* is yes, no, or not decided within two standard errors of the
-    simulated u. The *cost* is equal if it is less than 5 min above that of the cheapest plan, or
-    below it with a u that is not decided. A bat is tested whatever its construction.
+    simulated u. Of the plans that reach it for less than 5 min, or the price of 5 min of all tests,
+    above the least cost, the *chosen* one has the fewest exchanges. The *cost* is equal if it is
+    less than this above that of the chosen plan, or below it. A bat is tested whatever its
+    construction.
 
     Parameters
     ----------
@@ -136,7 +135,7 @@ def plan(
 
         Or a sheet, ``vl.bat("r161")``, with changed values if needed.
     prices
-        File of prices, .toml; `template` writes an empty one. The plans are then sorted by price.
+        File of prices, .toml; `template` writes an empty one. The cost of a plan is then its price.
         Only instruments with a price are exchanged.
 
         Or its keys and values as a mapping. The keys are ``tests``, ``per_minute``, ``per_ball``
@@ -179,7 +178,7 @@ def plan(
 
 
 def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
-    """Return the present laboratory, the cheapest plans, and the floor if there is none."""
+    """Return the present laboratory, the plans of least cost, and the floor if there is none."""
     present: Index = (0,) * search.u.ndim
     plans = search.cheapest(progress)
     others = [at for at in plans if at != present]
@@ -205,26 +204,29 @@ def _plans(search: Search, progress: Progress) -> LaboratoryPlans:
         best += f"; more hits, balls and wall hits alone reach {u:.3g} at best"
     setup, unit = search.laboratory.shared.setup, search.printed.unit
     target = with_unit(search.target, unit, ".3g")
+    close = f"{search.close:.0f} {rows[0].currency or 'min'}"
     return LaboratoryPlans(
         name="plan",
         title=f"{setup.bat.spec.name} by {setup.rules.spec.name}, u up to {target}: {best}",
         rows=rows,
-        words=" ".join([*words, EQUAL]),
+        words=" ".join([*words, COST.format(close=close)]),
         target_u=search.target,
         unit=unit,
     )
 
 
 def _best(rows: Sequence[PlanRow]) -> str:
-    """Return the cheapest plan that is sure to reach the target, in words."""
-    reaching = [row for row in rows if row.reaches == "yes"]
-    if not reaching:
+    """Return the chosen plan, which is sure to reach the target, in words."""
+    plan = next((row for row in rows if row.compared == "chosen"), None)
+    if plan is None:
         return "no plan is sure to reach it"
-    plan = min(reaching, key=lambda row: row.compared != "cheapest")
     name = "the present laboratory" if plan.plan == PRESENT else f"plan {plan.plan}"
     final = f"{plan.final_hits} final hits, " if plan.final_hits else ""
-    least = "no plan has fewer than the procedure requires"
-    more = least if plan.plan == PRESENT else f"exchanged: {plan.exchanged}"
+    more = "no plan has fewer than the procedure requires"
+    if plan.plan != PRESENT:
+        free = "minutes: instruments cost nothing without prices"
+        by = f"price: {plan.price:.0f} {plan.currency}" if plan.currency else free
+        more = f"chosen by {by}; exchanged: {plan.exchanged}"
     return (
         f"{name} reaches {plan.simulated_u:.3g}, with {plan.hits} hits, {final}{plan.balls} balls, "
         f"{plan.minutes:.0f} minutes; {more}"

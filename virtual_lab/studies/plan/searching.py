@@ -22,7 +22,7 @@ from virtual_lab.studies.plan.prices import Prices
 from virtual_lab.units import Array
 
 Reaches = Literal["yes", "no", "not decided"]
-Compared = Literal["cheapest", "equal", "higher", ""]  # in alphabetical order
+Compared = Literal["chosen", "equal", "higher", ""]  # in alphabetical order
 CERTAIN = 2.0  # standard errors within which the simulated u does not decide about the target
 SHOWN = 10  # largest number of plans that are simulated and shown
 CLOSE = 5.0  # difference below which the minutes of two plans are equal
@@ -77,7 +77,7 @@ class Search:
         self.left = MOST_TESTS + SHOWN * tests
 
     def cheapest(self, progress: Progress) -> list[Index]:
-        """Return plans that may reach the target: the cheapest, those equal to it, then the others.
+        """Return plans that may reach the target: the chosen, those equal to it, then the others.
 
         All of them are simulated. The list is empty if no plan reaches the target. If the present
         laboratory reaches it, the list has no other plan.
@@ -104,7 +104,7 @@ class Search:
         compared: Compared = ""
         if self.simulated[at].reaches != "no" and (best := self._best[:1]):
             near = self.cost[at] < self.cost[best[0]] + self.close
-            compared = "cheapest" if at in best else "equal" if near else "higher"
+            compared = "chosen" if at in best else "equal" if near else "higher"
         return replace(self.simulated[at], plan=name, compared=compared)
 
     def lowest(self, sets: int | None = None) -> Index:
