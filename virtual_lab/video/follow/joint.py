@@ -160,11 +160,7 @@ def estimate_of(
 
 
 def fit_flights(
-    scene: FlightScene,
-    flights: Sequence[Piece],
-    *,
-    shared: bool = True,
-    floor: Floor = (),
+    scene: FlightScene, flights: Sequence[Piece], *, shared: bool = True, floor: Floor = ()
 ) -> Fit:
     """Return the joint fit of flights: common g and drag, and the motion of each flight.
 

@@ -92,11 +92,7 @@ def off_u(one: PixelScale, other: PixelScale) -> float:
 
 
 def rulers_of(
-    knowledge: ClipKnowledge,
-    blobs: Blobs,
-    model: FittedFlights | None,
-    step: float,
-    where: str,
+    knowledge: ClipKnowledge, blobs: Blobs, model: FittedFlights | None, step: float, where: str
 ) -> list[Ruler]:
     """Return the available rulers (sources of the scale), the preferred one first.
 

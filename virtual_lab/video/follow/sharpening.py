@@ -23,12 +23,7 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import meetings, without_contacts
 from virtual_lab.video.follow.joint import Fit, fit_flights, pattern_covariance
-from virtual_lab.video.follow.knowledge import (
-    GRAVITY,
-    STATED_LEVEL_U,
-    ClipKnowledge,
-    Note,
-)
+from virtual_lab.video.follow.knowledge import GRAVITY, STATED_LEVEL_U, ClipKnowledge, Note
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound
