@@ -318,6 +318,25 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
     assert f"the air takes {100 * levelled.drag_per_m.value:.4f} (u 0." in text
     mass = float(text.partition("as of a ball of ")[2].split()[0])  # g
     assert mass == pytest.approx(730e3 * np.pi / 6 * 0.073**3, rel=0.1)
+    stated = float(text.partition(" (stated: ")[2].split()[0])  # g
+    assert stated == pytest.approx(730e3 * np.pi / 6 * 0.073**3, rel=4e-3)
+
+
+def test_the_text_compares_the_mass_from_the_flights_with_the_stated_one(
+    followed: Followed,
+) -> None:
+    """The fit combines both, but the difference is that of a fit without the stated drag."""
+    _, result = followed("flat")
+    free = again(result).drag_per_m
+    assert free is not None
+    u = 2.5 * free.u
+    stated = free.value + 2 * u
+    tested = again(result, drag=(stated, u))
+    assert "DRAG" not in tested.flags
+    mass = 1e3 * 1.2 * 0.45 * np.pi * 0.0365**2 / 2 / stated
+    before, _, after = track_text(tested).partition(f" g (stated: {mass:.3g} g, a difference of ")
+    assert before
+    assert float(after.split()[0]) == pytest.approx(2 * u / np.hypot(u, free.u), abs=0.1)
 
 
 def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed) -> None:

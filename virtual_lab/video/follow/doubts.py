@@ -13,7 +13,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import EXPLAINED, beside, explained_share
-from virtual_lab.video.follow.joint import fit_flights
+from virtual_lab.video.follow.joint import Fit, fit_flights
 from virtual_lab.video.follow.knowledge import (
     BALL,
     FILE,
@@ -241,18 +241,25 @@ def of_positions(model: FittedFlights) -> list[Note]:
 def of_drag(model: FittedFlights) -> list[Note]:
     """Return a list with one note if the flights contradict the stated drag.
 
-    The drag of the flights is fitted without the stated drag. The list is empty if no drag was
-    stated, or if both agree.
+    The list is empty if no drag was stated, or if both agree.
     """
     if model.scene.drag is None:
         return []
-    size = np.median([each.radius for each in model.ways]) if model.scene.in_radii else 1.0
-    stated, u = np.divide(model.scene.drag, size).tolist()
-    free = fit_flights(replace(model.scene, drag=None), model.ways, floor=model.fit.floor)
-    free_u = free.drag * float(np.sqrt(free.covariance[2, 2]))  # the parameter is a logarithm
-    apart = abs(free.drag - stated) / float(np.hypot(free_u, u))
+    ratio, apart = drag_difference(model.scene, model.ways, model.fit)
     if apart < APART[0]:
         return []
-    words = f"the flights show {free.drag / stated:.2g} times the drag of the stated ball or mass"
+    words = f"the flights show {ratio:.2g} times the drag of the stated ball or mass"
     advice = f"({apart:.2g} u apart), so it was fitted; check {{mass}} and {{ball}}"
     return [("DRAG", f"{words} {advice}")]
+
+
+def drag_difference(scene: FlightScene, ways: Sequence[Piece], fit: Fit) -> tuple[float, float]:
+    """Return the ratio of the flights' drag to the stated drag, and their difference [u].
+
+    The drag of the flights is fitted without the stated drag.
+    """
+    size = np.median([each.radius for each in ways]) if scene.in_radii else 1.0
+    stated, u = np.divide(scene.drag or (np.nan, np.nan), size).tolist()
+    free = fit_flights(replace(scene, drag=None), ways, floor=fit.floor)
+    free_u = free.drag * float(np.sqrt(free.covariance[2, 2]))  # the parameter is a logarithm
+    return free.drag / stated, abs(free.drag - stated) / float(np.hypot(free_u, u))

@@ -17,6 +17,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact
+from virtual_lab.video.follow.doubts import drag_difference
 from virtual_lab.video.follow.following import Flight, FollowedClip
 from virtual_lab.video.follow.knowledge import GRAVITY, frames_are
 from virtual_lab.video.follow.ruler import DRAG_COEFFICIENT, SAID, off_u
@@ -259,8 +260,16 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
         radius = scale.metres_per_pixel * float(np.median([each.radius for each in track.ways]))
         # the drag rate is inversely proportional to the mass
         grams = 1e3 * float(drag_rate(1.2, DRAG_COEFFICIENT, radius, drag.value))
-        mass = with_uncertainty(grams, grams * drag.u / drag.value)
+        # relative u of the drag coefficient: a fifth
+        mass = with_uncertainty(grams, grams * float(np.hypot(drag.u / drag.value, 0.2)))
         said += f"; the air takes {percent} % of the speed per meter, as of a ball of {mass} g"
+        if (known := track.knowledge).drag and known.drag[0]:
+            size = (known.ball or 2 * radius) / 2
+            said += f" (stated: {1e3 * drag_rate(1.2, DRAG_COEFFICIENT, size, known.drag[0]):.3g} g"
+            if track.scene.drag and track.fit and not track.sharp:  # otherwise it is not tested
+                apart = drag_difference(track.scene, track.ways, track.fit)[1]
+                said += f", a difference of {apart:.1f} u"
+            said += ")"
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:
         side = "right" if roll > 0 else "left"
