@@ -92,6 +92,8 @@ def test_track_writes_all_files_and_results(folder: Path) -> None:
         assert picture.std() > 10
     _, film = cv2.imreadanimation(str(out / "track.webp"))
     assert len(film.frames) == 30
+    rows, columns = next(iter(FILM.frames())).shape[:2]
+    assert film.frames[0].shape[:2] == (rows + 24, columns + 4)  # with caption and border
 
 
 def test_options_replace_the_calibration_file(folder: Path, tmp_path: Path) -> None:
@@ -328,6 +330,37 @@ def test_an_unchanged_track_gives_the_same_result(
     assert late["speed_out_m_per_s"]["value"] != pytest.approx(first["value"], rel=1e-4)
     assert abs(late["speed_out_m_per_s"]["value"] - first["value"]) < first["u"]
     assert moved["warnings"][0].startswith(f"positions by hand: frame {frame} is changed; before, ")
+
+
+def test_the_sheet_enlarges_a_position_far_from_the_flight_with_coordinates(
+    thrown: tuple[Path, Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """Lines at multiples of 20 px show the scale; the outline is at the stated position."""
+    clip, out, _ = thrown
+    rows = pd.read_csv(out / "track.csv")
+    row = rows.index[len(rows) // 4]
+    rows.loc[row, "x_px"] += 2.0
+    rows.to_csv(tmp_path / "corrected.csv", index=False)
+    words = {"ball": "80mm±0.8mm", "fps": 30, "frames": "16:51"}
+    track = vl.track(clip, corrected=tmp_path / "corrected.csv", **words)
+    sheet = cv2.imread(str(track.save(tmp_path / "again") / "sheet.png"))
+    before = cv2.imread(str(out / "sheet.png"))
+    part = sheet[len(before) :].astype(int)
+    assert 300 < len(part) < 700
+    # the lines are gray in the white margins, apart from the numbers below or to the right of them
+    across = np.flatnonzero((part[-18, :] == 127).all(axis=-1))
+    down = np.flatnonzero((part[:, 3] == 127).all(axis=-1))
+    factor = np.diff(across)[0] / 20
+    assert factor == int(factor) > 2
+    blue = part[..., 0] - part[..., 2] > 50
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(blue.astype(np.uint8))
+    left, top, wide, high, _ = boxes[1:][boxes[1:, 2].argmax()]
+    place = rows.loc[row]
+    assert wide / 2 / factor == pytest.approx(place["radius_px"], abs=0.5)
+    for name, middle, lines in (("x", left + wide / 2, across), ("y", top + high / 2, down)):
+        at = place[f"{name}_px"] + place[f"drift_{name}_px"]
+        off = (middle - lines[0]) / factor - at
+        assert abs((off + 10) % 20 - 10) < 0.6
 
 
 def test_the_changes_of_a_correction_and_the_answer_before_are_stated(

@@ -246,11 +246,13 @@ def track(
         Its keys are metres_per_pixel, frames_per_second, exposure_s, lens_blur_px, timestamps and
         others.
     corrected
-        File ``track.csv`` of an earlier run, corrected by hand. Its frames, positions, sizes and
-        flights are used. The rest is found in the clip again, with the statements of this call, so
-        that an unchanged file gives the same result.
+        File ``track.csv`` of an earlier run, corrected by hand: x_px and y_px are the position in
+        the frame minus drift_x_px and drift_y_px. `virtual-lab open` takes positions by clicks. Its
+        frames, positions, sizes and flights are used. The rest is found in the clip again, with the
+        statements of this call, so that an unchanged file gives the same result.
     film_of_track
-        Also write the marked frames as a film, ``track.webp``, when the result is saved.
+        Also write the marked frames as a film, ``track.webp``, when the result is saved: all frames
+        with positions, at most 400.
     progress
         Function that is called with a message that names the current task. If it is not given, the
         functions of `virtual_lab` and the commands show the progress on stderr.

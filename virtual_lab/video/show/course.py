@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array
 from virtual_lab.video.follow.following import FollowedClip
+from virtual_lab.video.follow.models import positions_off
 from virtual_lab.video.locate.located import PlaceFlag
 
 if TYPE_CHECKING:
@@ -24,8 +25,9 @@ WRITTEN = {  # columns of track.csv
     "flag_names": "U64",
     **dict.fromkeys(("drift_x_px", "drift_y_px", "right_m_per_s", "up_m_per_s"), float),
 }
-# deviation of a position from its flight, and distance from its middle to the end of its blur
-DRAWN = dict.fromkeys(("along_px", "across_px", "reach_px"), float)
+# deviation of a position from its flight, distance from its middle to the end of its blur, and
+# whether it is far from its flight
+DRAWN = dict.fromkeys(("along_px", "across_px", "reach_px", "far"), float)
 PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
 
@@ -79,6 +81,7 @@ def course_of(track: FollowedClip) -> Places:
             right, down = middle / max(float(np.hypot(*middle)), 1e-12)
             speeds = unit / track.seconds * states[:, 2:]
             places["flight"][rows] = str(k + 1)
+            places["far"][rows] = positions_off(track.ways, track.fit)[k]
             places["along_px"][rows] = track.fit.residuals[k] @ [right, down]
             places["across_px"][rows] = track.fit.residuals[k] @ [-down, right]
             places["right_m_per_s"][rows], places["up_m_per_s"][rows] = speeds.T * [[1], [-1]]

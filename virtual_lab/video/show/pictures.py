@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from itertools import chain
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.output.style import as_drawn, page_figure
+from virtual_lab.units import Array
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.still import warp_back
 from virtual_lab.video.follow.following import FollowedClip
@@ -24,43 +24,48 @@ if TYPE_CHECKING:
 
 Image = NDArray[np.uint8]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colors of flights
+FACE = cv2.FONT_HERSHEY_SIMPLEX
 NONE = "#ff00ff"  # color of positions outside flights, visible in front of any wall
 
 
-TILE_PX = 1e5  # size of a picture in sheet, film and plot [pixels]
+TILE_PX = 1e5  # size of a picture in sheet and plot [pixels]
 # number of pictures on the sheet in addition to those near contacts, and approximate number of
 # balls in the plot
 TILES = 12
-FILM_FRAMES, FRAME_MS = 80, 60  # largest number of frames in the film, and duration of each
+FILM_FRAMES, FRAME_MS = 400, 60  # largest number of frames in the film, and duration of each
 
 
 class Pictures:
     """Small pictures of a ball's course through a clip: sheet, film and plot."""
 
-    def __init__(self, track: FollowedClip, *, film: bool = False) -> None:
-        """Read the frames to show; searched frames are available as JPEG."""
+    def __init__(self, track: FollowedClip) -> None:
+        """Read the frames of sheet and plot; searched frames are available as JPEG."""
         self.clip, self.contacts, self.places = track.clip, track.contacts, course_of(track)
         self.names = names_of(self.places)
+        self.drift = np.stack([self.places[f"drift_{axis}_px"] for axis in "xy"], axis=1)
         # factor of `y_m` for an upward axis
         self.up = -track.sharp.plane.sense if track.sharp else -1.0
-        self.film = _spread(len(self.places), FILM_FRAMES * film)
         visible = np.flatnonzero(np.isfinite(self.places["radius_px"]))
         self.balls = visible[_spread(len(visible), TILES)]
         times, steps = self.places["time_s"], np.array([-1, 0, 1])
         near = [int(np.abs(times - e.time.value).argmin()) + steps for e in self.contacts]
         sheet = np.concatenate([_spread(len(times), TILES), *near])
         self.sheet = np.unique(np.clip(sheet, 0, len(times) - 1))
-        self.scale = (TILE_PX / np.prod(self.clip.shape)) ** 0.5
-        rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
-        selection = np.concatenate([self.sheet, self.balls, self.film])
-        wanted = np.unique(self.places["frame"][selection])
         # The stored frames have 8 bits.
-        thumbs = track.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
-        stored = {k: cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in thumbs}
-        left = np.array([each for each in wanted if each not in thumbs], np.intp)
-        size, light = (columns, rows), self._light()
-        shown = ((int(k), np.asarray(e)) for k, e in chain(stored.items(), self.clip.chosen(left)))
-        self.frames = {k: _display_image(frame, size, *light) for k, frame in shown}
+        self.thumbs = track.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
+        self.scale = (TILE_PX / np.prod(self.clip.shape)) ** 0.5
+        self.frames = dict(self._pictures(np.union1d(self.sheet, self.balls), self.scale))
+
+    def _pictures(self, places: NDArray[np.intp], scale: float) -> Iterator[tuple[int, Image]]:
+        """Yield the index and the scaled frame of each of the positions `places`."""
+        rows, columns = (max(1, round(scale * each)) for each in self.clip.shape)
+        numbers, light = self.places["frame"][places], self._light()
+        rest = self.clip.chosen(np.setdiff1d(numbers, [*self.thumbs]))
+        for number in np.unique(numbers):
+            jpeg = self.thumbs.get(number)
+            frame = next(rest)[1] if jpeg is None else cv2.imdecode(jpeg, cv2.IMREAD_UNCHANGED)
+            picture = _display_image(np.asarray(frame), (columns, rows), *light)
+            yield from ((int(k), picture) for k in places[numbers == number])
 
     def _light(self) -> tuple[float, float]:
         """Return the gray values to show as black and as white."""
@@ -71,40 +76,66 @@ class Pictures:
         return float(min(low, 0.2 * high)), float(max(high, low + 1))
 
     def write_sheet(self, path: Path) -> None:
-        """Write frames side by side as PNG, including those near contacts."""
-        edge = ((2, 2), (2, 2), (0, 0))
-        tiles = [np.pad(self._annotate(k), edge, constant_values=255) for k in self.sheet]
-        rows, columns = tiles[0].shape[:2]
-        across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
-        tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % across)
-        lines = [np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)]
+        """Write frames side by side as PNG, including those near contacts.
+
+        The frames of positions far from the flights follow, as enlarged parts around the ball.
+        """
+        whole, lines = [self._annotate(k, self.frames[k], self.scale) for k in self.sheet], []
+        for tiles in filter(None, (whole, [*self._parts()])):
+            rows, columns = tiles[0].shape[:2]
+            across = max(1, round((1.4 * len(tiles) * rows / columns) ** 0.5))
+            lines += [np.hstack(tiles[k : k + across]) for k in range(0, len(tiles), across)]
+        wide = max(each.shape[1] for each in lines)
+        lines = [
+            cv2.warpAffine(e, np.eye(2, 3), (wide, len(e)), borderValue=(255,) * 3) for e in lines
+        ]
         cv2.imwrite(str(path), np.vstack(lines))
+
+    def _parts(self) -> Iterator[Image]:
+        """Yield enlarged squares around the positions far from the flights, with coordinates."""
+        chosen = np.flatnonzero(self.places["far"] > 0)[:TILES]
+        side = 2 * int(3 * max(self.places["reach_px"][chosen], default=0.0)) + 1
+        factor = -(-int(TILE_PX**0.5) // side)
+        for k, picture in self._pictures(chosen, 1.0):
+            corner = np.round(spots(self.places)[k] + self.drift[k]).astype(int) - side // 2
+            part = cv2.getRectSubPix(picture, (side, side), corner + side // 2.0)
+            part = _display_image(part.repeat(factor, 0), (side * factor, side * factor), 0, 255)
+            part[:, :34], part[-16:] = 255, 255
+            for axis, n in np.argwhere((corner[:, None] + np.arange(side)) % 20 == 0):
+                at = int((n + 0.5) * factor)
+                part.swapaxes(0, 1 - axis)[at] //= 2
+                words, place = f"{corner[axis] + n}", ((at + 2, len(part) - 3), (2, at - 2))[axis]
+                cv2.putText(part, words, place, FACE, 0.35, (0, 0, 0), 1, cv2.LINE_AA)
+            yield self._annotate(k, part, factor, corner)
 
     def write_film(self, path: Path) -> None:
         """Write the frames that show the ball as an animated WebP."""
-        animation = cv2.Animation()
-        animation.frames = [self._annotate(k) for k in self.film]
-        animation.durations = [FRAME_MS] * len(self.film)
+        animation, film = cv2.Animation(), _spread(len(self.places), FILM_FRAMES)
+        scale = min(1.0, 2 * self.scale)
+        animation.frames = [self._annotate(*e, scale) for e in self._pictures(film, scale)]
+        animation.durations = [FRAME_MS] * len(film)
         cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
-    def _annotate(self, k: int) -> Image:
-        """Return a frame with its number and time, the ball's outline and earlier positions."""
-        one, fine = self.places[k], 4  # number of bits for fractions of a pixel
-        image = self.frames[int(one["frame"])].copy()
+    def _annotate(self, k: int, picture: Image, scale: float, corner: Array | int = 0) -> Image:
+        """Return a frame with its number and time, the ball's outline and earlier positions.
+
+        The upper left corner of the picture is at `corner` [pixels of the clip].
+        """
+        one, fine, image = self.places[k], 4, picture.copy()  # bits for fractions of a pixel
         # Earlier positions of the still frame are shifted by the drift of this picture.
-        at = (spots(self.places) + [one["drift_x_px"], one["drift_y_px"]] + 0.5) * self.scale - 0.5
+        at = (spots(self.places) + self.drift[k] - corner + 0.5) * scale - 0.5
         dots = [(j, 2.0, cv2.FILLED) for j in range(k + 1)]
-        for j, radius, line in (*dots, (k, float(one["radius_px"]) * self.scale, 1)):
+        for j, radius, line in (*dots, (k, float(one["radius_px"]) * scale, 1)):
             if np.isfinite([*at[j], radius]).all():
                 x, y, r = (round(2**fine * float(each)) for each in (*at[j], radius))
                 bgr = bytes.fromhex(self._colour(self.places["flight"][j])[1:])[::-1]
                 cv2.circle(image, (x, y), r, tuple(bgr), line, cv2.LINE_AA, fine)
         strip = np.full((20, image.shape[1], 3), 255, np.uint8)
-        words, face = f"frame {one['frame']}, {one['time_s']:.4g} s", cv2.FONT_HERSHEY_SIMPLEX
-        longest = cv2.getTextSize("frame 8888, 88.888 s", face, 1.0, 1)[0][0]
-        letters = min(0.45, (image.shape[1] - 8) / longest)
-        cv2.putText(strip, words, (4, 14), face, letters, (0, 0, 0), 1, cv2.LINE_AA)
-        return np.vstack([strip, image])
+        words = f"frame {one['frame']}, {one['time_s']:.4g} s"
+        # At a scale of 1, "frame 8888, 88.888 s" is 280 pixels long.
+        letters = min(0.45, (image.shape[1] - 8) / 280)
+        cv2.putText(strip, words, (4, 14), FACE, letters, (0, 0, 0), 1, cv2.LINE_AA)
+        return np.pad(np.vstack([strip, image]), ((2, 2), (2, 2), (0, 0)), constant_values=255)
 
     def _colour(self, name: str) -> str:
         return COLOURS[self.names.index(name) % len(COLOURS)] if name else NONE
@@ -125,16 +156,13 @@ class Pictures:
 
     def _still(self, k: int) -> Image:
         """Return a picture moved back to the still frame."""
-        one = self.places[k]
-        picture = self.frames[int(one["frame"])]
-        drift = np.array([one["drift_x_px"], one["drift_y_px"], 0.0, 0.0]) * self.scale
-        return warp_back(picture, drift, (0, 0), picture)
+        drift = np.append(self.drift[k] * self.scale, [0.0, 0.0])
+        return warp_back(self.frames[k], drift, (0, 0), self.frames[k])
 
     def draw(self, title: str) -> PageFigure:
         """Return a figure of the course: the picture, positions and speeds, residuals."""
         rows, columns = self.clip.shape
-        heights = [min(6.0, 7.2 * rows / columns)]
-        heights += [1.3, 1.3, 0.9, 0.9] if self.names else []
+        heights = [min(6.0, 7.2 * rows / columns), *(1.3, 1.3, 0.9, 0.9)[: 4 * bool(self.names)]]
         with page_figure(sum(heights) + 1.2, 7.6) as figure:
             axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
             self._draw_picture(axes[0])
@@ -156,8 +184,7 @@ class Pictures:
         for k, each in enumerate(self.contacts):
             label = "_" if k else "contact"
             axes.plot(*each.place, "k+", markersize=8, markeredgewidth=1.2, label=label)
-        axes.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-        axes.set(xlabel="x, pixels", ylabel="y, pixels")
+        axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="x, pixels", ylabel="y, pixels")
 
     def _draw_motion(self, below: Iterable[Axes]) -> None:
         """Plot positions (right and up), speeds, and residuals of the fit against the frame."""
@@ -174,12 +201,9 @@ class Pictures:
                 axes.errorbar(frame, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
         speed.set_ylim(bottom=0.0)
         across.set_xlabel("frame (bars: u; 1 m/s = 2.24 mph)")
-        for axes, label in (
-            (place, "place, m\n(- -: right, —: up)"),
-            (speed, "speed\nalong the fit, m/s"),
-            (along, "residual\nalong, pixels"),
-            (across, "residual\nacross, pixels"),
-        ):
+        labels = ["place, m\n(- -: right, —: up)", "speed\nalong the fit, m/s"]
+        labels += [f"residual\n{each}, pixels" for each in ("along", "across")]
+        for axes, label in zip((place, speed, along, across), labels, strict=True):
             axes.sharex(place)
             axes.set_ylabel(label)
             axes.tick_params(labelbottom=axes is across)
@@ -195,8 +219,6 @@ def _spread(places: int, count: int) -> NDArray[np.intp]:
 
 def _display_image(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
     """Return a frame with 8 bits and three colors, reduced to the given width and height."""
-    way = cv2.INTER_AREA if size[0] < frame.shape[1] else cv2.INTER_LINEAR
-    colours = frame if frame.ndim == 2 else np.ascontiguousarray(frame[..., :3])
-    small = cv2.resize(colours, size, interpolation=way)
-    picture = np.interp(small, (black, white), (0, 255)).astype(np.uint8)
-    return np.dstack([picture] * 3) if picture.ndim == 2 else picture
+    colours = np.ascontiguousarray(np.dstack([frame] * 3)[..., :3])
+    small = cv2.resize(colours, size, interpolation=cv2.INTER_AREA)
+    return np.interp(small, (black, white), (0, 255)).astype(np.uint8)

@@ -51,10 +51,7 @@ STANDING = (UNSURE_BALL, UNSURE_RATE, "READOUT_UNKNOWN")
 
 
 def track_clip(
-    file: Path | Frame,
-    said: Said,
-    *,
-    progress: Callable[[str], None] = lambda _: None,
+    file: Path | Frame, said: Said, *, progress: Callable[[str], None] = lambda _: None
 ) -> FollowedClip:
     """Track the ball through a clip, and return its flights, contacts, scale and notes (warnings).
 
@@ -189,7 +186,7 @@ def save_track(
     from virtual_lab.video.show.pictures import Pictures
 
     progress("drawing")
-    pictures = Pictures(track, film=film)
+    pictures = Pictures(track)
     with new_folder(folder, settings, overwrite=overwrite) as draft:
         # A time is written in full, because it identifies its frame.
         course = course_table(pictures.places).astype({"time_s": object})
