@@ -99,7 +99,7 @@ class Pictures:
         for k, picture in self._pictures(chosen, 1.0):
             corner = np.round(spots(self.places)[k] + self.drift[k]).astype(int) - side // 2
             part = cv2.getRectSubPix(picture, (side, side), corner + side // 2.0)
-            part = _display_image(part.repeat(factor, 0), (side * factor, side * factor), 0, 255)
+            part = _display_image(part, (side * factor, side * factor), 0, 255)
             part[:, :34], part[-16:] = 255, 255
             for axis, n in np.argwhere((corner[:, None] + np.arange(side)) % 20 == 0):
                 at = int((n + 0.5) * factor)
