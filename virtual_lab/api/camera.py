@@ -246,8 +246,8 @@ def track(
         Its keys are metres_per_pixel, frames_per_second, exposure_s, lens_blur_px, timestamps and
         others.
     corrected
-        File ``track.csv`` of an earlier run, corrected by hand: x_px and y_px are the position in
-        the frame minus drift_x_px and drift_y_px. `virtual-lab open` takes positions by clicks. Its
+        File ``track.csv`` of an earlier run, corrected by hand. Its x and y are the position in the
+        frame minus the drift x and y of the same row; the page of `open` takes clicks instead. Its
         frames, positions, sizes and flights are used. The rest is found in the clip again, with the
         statements of this call, so that an unchanged file gives the same result.
     film_of_track
