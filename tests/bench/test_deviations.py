@@ -123,7 +123,9 @@ def test_only_an_odd_hit_may_be_rejected() -> None:
         day = play_actions(apparatus(*faults), asked([*PLAIN, reject, *END]))
         closing = debrief_of(day, *faults)
         assert closing.deviations[-1].judged == (JUSTIFIED if faults else DENIED)
-        wrong = [each.what for each in closing.costly if each.what.startswith(f"hit {shot + 1} ")]
+        wrong = [each for each in closing.costly if each.what.startswith(f"hit {shot + 1} ")]
+        entry = max(event.number for event in day.events if event.action == "reject")
+        assert [each.entry for each in wrong] == [entry] * len(wrong)
         scores.append(({each.name: each.value for each in closing.scores}["record"], bool(wrong)))
     assert scores[0] == (pytest.approx(6 / 7), True)
     assert scores[1][1] is False
