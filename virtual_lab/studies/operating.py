@@ -236,6 +236,7 @@ def _answers(
             "one test": _best_of(1, single),
             "best of 3 tests": _best_of(1, three),
             "best of 3 laboratories": _best_of(3, single),
+            "errors of": single.errors_of,
         }
         for single, three in zip(one, best, strict=True)
     ]

@@ -50,9 +50,9 @@ if TYPE_CHECKING:
 
 STATED = ("seal", "state", "unchecked", "sealing", "faults", "sheets", "ignored")  # keys of JSON
 TRUE_METRICS = {  # the metric is compared with the true values of several definitions
-    "metric": "that of a test without errors at the same impact positions",
+    "metric": "of a test without errors at the same positions; shows how well it was measured",
     CONTINUOUS: "the maximum of the exact curve along the barrel",
-    STANDARD_BALL: "that of the bat struck by the standard ball, without a formula",
+    STANDARD_BALL: "of the bat struck by this ball; shows how well the procedure converts to it",
     AS_FOUND: "before the correction for the balls",
 }
 
@@ -306,6 +306,9 @@ def score_folder(
     `InputError` if certificate, truth or seal is missing or cannot be compared.
     """
     for name in (CERTIFICATE, TRUTH):
+        if name == TRUTH and not (folder / TRUTH).exists():
+            why = "missing; only a simulated test has true values"
+            raise InputError(str(folder / TRUTH), "file", None, why)
         read_bytes(folder / name)
     changed = tuple(row for row in compared_seal(folder) if isinstance(row, Mismatch))
     ignored = tuple(litter(folder))

@@ -149,7 +149,8 @@ def profile_text(
     repeated = f"\n\n{TWICE}: {twice}" if twice else ""
     return (
         f"{document['bat']} hits a ball up to {with_unit(speed, 'mph', '.1f')} fast, "
-        f"{fastest:.1f} in from the tip; e_A is largest, {e_A:.3f}, at {best:.1f} in\n\n"
+        f"{fastest:.1f} in from the tip (sweet spot); "
+        f"e_A is largest, {e_A:.3f}, at {best:.1f} in\n\n"
         f"{table_text(rows)}\n\nstruck by {document['ball']}, swing: {swung}\n"
         f"{table_text(curve, CURVE).rstrip()}{repeated}"
     )

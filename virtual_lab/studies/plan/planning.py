@@ -39,7 +39,7 @@ HALF = (
 COST = (
     "Chosen: reaches the target beyond two standard errors; of plans less than {close} above the"
     " least cost, the one with the fewest exchanges. Equal: less than {close} above the chosen one,"
-    " or below it. Simulated u is a median over tests."
+    " or below it; another seed may choose it. Simulated u is a median over tests."
 )
 
 

@@ -234,7 +234,7 @@ def of_positions(model: FittedFlights) -> list[Note]:
     up = "up to " * (len(frames) > 1)
     words = f"positions: {frames_are(frames.tolist())} {up}{most:.2g}"
     why = f"pixels off the fitted flights, {most / model.fit.spread:.0f} times the scatter"
-    advice = "speeds and restitution may be wrong; remove those that are not on the ball"
+    advice = "speeds and restitution may be wrong; correct those not at the ball's center"
     return [("POSITIONS_OFF", f"{words} {why}; {advice}")]
 
 
