@@ -1,5 +1,6 @@
 """Drafts of real processes that are killed, stopped or running, folders of others, and tables."""
 
+import os
 import re
 import signal
 import subprocess
@@ -15,6 +16,7 @@ import pytest
 from tests.warming import kernels
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files, new_folder
+from virtual_lab.files.caches import CACHE, _lock
 from virtual_lab.files.documents import parse_table
 from virtual_lab.files.tables import csv_text
 from virtual_lab.records.record import require_numbers
@@ -217,13 +219,24 @@ one_process_at_a_time(compiled)(lambda: None)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked")
-def test_two_processes_never_compile_one_function_at_the_same_time(tmp_path: Path) -> None:
+@pytest.mark.parametrize("cache", [None, "cache"])
+def test_two_processes_never_compile_one_function_at_the_same_time(
+    cache: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless each has its own folder of compiled code: the third does not wait for a lock."""
     code, log = tmp_path / "code.py", tmp_path / "log"
     code.write_text(COMPILING)
     code.chmod(0o444)
-    both = [subprocess.Popen([sys.executable, str(code), str(log)]) for _ in range(2)]
+    monkeypatch.delenv(CACHE, raising=False)
+    if cache:
+        monkeypatch.setenv(CACHE, str(tmp_path / cache))
+    command = [sys.executable, str(code), str(log)]
+    both = [subprocess.Popen(command) for _ in range(2)]
     assert [each.wait() for each in both] == [0, 0]
     assert log.read_text().split() == ["begins", "ends"] * 2
+    with _lock(code):
+        elsewhere = os.environ | {CACHE: str(tmp_path / "elsewhere")}
+        subprocess.run(command, env=elsewhere, timeout=60, check=True)
 
 
 def test_every_generalised_function_is_compiled_by_one_process_at_a_time() -> None:

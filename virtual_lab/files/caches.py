@@ -42,11 +42,11 @@ def provide_cache(package: Path) -> None:
 def one_process_at_a_time(compiled: Decorator) -> Decorator:
     """Return a decorator that compiles like `compiled`, but in only one process at a time.
 
-    Other processes wait for a lock on the source file. Numba stores a generalized ufunc
-    (`guvectorize`) in two files, one for its loop and one for the wrapper that calls it. If two
-    processes compile it at the same time, the files may come from different processes, and every
-    later call ends in a segmentation fault. On Windows, and where a file system has no locks, no
-    process waits.
+    Other processes with the same folder of compiled code wait for a lock. Numba stores a
+    generalized ufunc (`guvectorize`) in two files, one for its loop and one for the wrapper that
+    calls it. If two processes compile it at the same time, the files may come from different
+    processes, and every later call ends in a segmentation fault. On Windows, and where a file
+    system has no locks, no process waits.
     """
 
     def decorate(function: Callable[..., None]) -> Any:
@@ -58,8 +58,12 @@ def one_process_at_a_time(compiled: Decorator) -> Decorator:
 
 @contextmanager
 def _lock(path: Path) -> Iterator[None]:
-    """Lock a file, which may be read-only, while the code in the context runs."""
-    with path.open("rb") as file:
+    """Lock a source file, which may be read-only, or a file in the `CACHE` of compiled code."""
+    mode = "rb"
+    if folder := os.environ.get(CACHE):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        path, mode = Path(folder) / f"{path.stem}.lock", "ab"
+    with path.open(mode) as file:
         with suppress(ImportError, OSError):
             from fcntl import LOCK_EX, flock
 
