@@ -220,7 +220,7 @@ def test_a_debrief_without_a_result_names_the_entry_that_prevented_it(decide: st
     assert found.brier == pytest.approx(0.01)
     (result,) = (each for each in found.scores if each.name == "result")
     assert (result.value, result.because) == (0.0, "no result, although the bat could be judged")
-    assert found.change.startswith("result: ")  # of which economy has lost nothing more
+    assert found.change.startswith("result: ")  # economy is 0 because the result is
     differ = "The correct verdicts differ: INVALID for your day, which has no result; PASS for the"
     assert found.expert.apart.startswith(differ)
 

@@ -77,7 +77,7 @@ class ServedDay:
         self._begun = (folder / LOG).exists()
         self.first_view = threading.Event()
         self._expert: Future[Day] | None = None
-        self._debrief_future: Future[Debrief] | None = None  # of all entries
+        self._debrief_future: Future[Debrief] | None = None  # the debrief; None before hand-in
         self._films: dict[tuple[int, bool], Future[bytes]] = {}  # key: shot, whether true
         self._filming = threading.Lock()
 

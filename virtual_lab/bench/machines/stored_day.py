@@ -238,6 +238,7 @@ class StoredDay:
 
 
 def _require_result(desk: Desk) -> None:
+    """Raise `InputError` if a reduction now would have no result; name the undecided hits."""
     if desk.result is not None:
         return
     day, reasons = desk.day, "; ".join(desk.certification.reasons)
