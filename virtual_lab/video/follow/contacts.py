@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -98,8 +99,7 @@ def contacts_of(
         else:  # in the still frame, where a camera that turns does not see the same position
             last = scene.blobs[one.blobs[-1]]
             place = place - one.xy[-1] + np.array([last["x"], last["y"]])
-        nearest = [lambda f, axis=axis: f.meeting(k, t)[..., axis] for axis in (0, 1)]  # noqa: B023
-        ends = [estimate_of(each, fit, others).u for each in nearest]
+        ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
         contacts.append(
             Contact(
@@ -120,6 +120,11 @@ def contacts_of(
         why = "where one ends and the other begins, so no contact is stated"
         notes.append(("CONTACT_OUTSIDE", f"{words} {why}"))
     return contacts, notes
+
+
+def _place(axis: int, first: int, t: float, fit: Fit) -> Array:
+    """Return the coordinate, along an axis, of the nearest approach of two flights [pixels]."""
+    return np.asarray(fit.meeting(first, t)[..., axis])
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
