@@ -253,6 +253,9 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
     for an unknown base.
     """
     document = _parse(text, where)
+    if "template" in document:
+        allowed = "a file of measurements, of which fit-bat makes a bat; allowed: a bat"
+        raise InputError(where, "template", document["template"], allowed)
     if "base" not in document:
         return Entry(validate(document, where, BatSpec), text, _numbers(text, where))
     factor = document.get("wall_factor")

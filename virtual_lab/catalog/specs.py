@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
@@ -310,8 +310,6 @@ class PublishedBat(Spec):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatSpec(Spec):
     """A nominal bat."""
-
-    mistaken: ClassVar = {"template": "a file of measurements, of which fit-bat makes a bat; "}
 
     name: Name
     title: Title

@@ -58,8 +58,7 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
             keys = _keys(spec, table)
             hint = nearest(places[0][-1], missing) or nearest(places[0][-1], keys)
             kind = f"unknown key, {hint}" if len(places) == 1 else "unknown keys; "
-            mistaken = "".join(getattr(spec, "mistaken", {}).get(each[-1], "") for each in places)
-            others = mistaken or (f"missing: {', '.join(missing)}; " if missing else "")
+            others = f"missing: {', '.join(missing)}; " if missing else ""
             value, message = None, f"{kind}{others}allowed: {', '.join(keys)}"
         raise InputError(where, key or "file", value, message) from fault
 
