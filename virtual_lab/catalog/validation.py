@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from typing import Any, TypeVar, cast, get_args, get_type_hints
@@ -10,6 +10,7 @@ from typing import Any, TypeVar, cast, get_args, get_type_hints
 from virtual_lab.errors import InputError, nearest
 
 T = TypeVar("T")
+Location = tuple[int | str, ...]  # keys and numbers of items, from the file down to a value
 WORDS = {  # plain English for the validator's messages
     "Input should": "must",
     "String should have at least 1 character": "must not be empty",
@@ -37,30 +38,39 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         # a mistyped key gives two errors: one key is unknown, and one is missing
         unknown = [each for each in errors if each["type"] == "unexpected_keyword_argument"]
         error = (unknown or errors)[0]
-        table, is_missing = error["loc"][:-1], error["type"] == "missing"
+        table = error["loc"][:-1]
         beside = [each for each in errors if each["loc"][:-1] == table]
         missing = [str(each["loc"][-1]) for each in beside if each["type"] == "missing"]
         places = [each["loc"] for each in beside if each["msg"] == error["msg"]]
-        if not is_missing:
-            places = [*dict.fromkeys(_place(document, each) for each in places)]
-        if any(isinstance(name, int) for name in places[0][-1:]):  # one of many items of a list
-            places = places[:1]
-        key = ", ".join(".".join(map(str, place)) for place in places)
-        value = None if is_missing or len(places) > 1 else _at(document, places[0])
-        message = error["msg"].removeprefix("Value error, ")
-        for theirs, ours in WORDS.items():
-            message = message.replace(theirs, ours)
-        if error["type"] == "dataclass_type":
-            message = f"must be a table {{ {', '.join(_keys(spec, places[0]))} }}"
-        if is_missing:
-            message = f"{'this key is' if len(missing) == 1 else 'these keys are'} missing"
+        value = None
         if unknown:
-            keys = _keys(spec, table)
-            hint = nearest(places[0][-1], missing) or nearest(places[0][-1], keys)
-            kind = f"unknown key, {hint}" if len(places) == 1 else "unknown keys; "
-            others = f"missing: {', '.join(missing)}; " if missing else ""
-            value, message = None, f"{kind}{others}allowed: {', '.join(keys)}"
+            message = _unknown_keys(places, missing, _keys(spec, table))
+        elif error["type"] == "missing":
+            message = f"{'this key is' if len(missing) == 1 else 'these keys are'} missing"
+        else:
+            places = _distinct(document, places)
+            value = _at(document, places[0]) if len(places) == 1 else None
+            message = _unfit_value(error, spec, places[0])
+        key = ", ".join(".".join(map(str, place)) for place in places)
         raise InputError(where, key or "file", value, message) from fault
+
+
+def _unknown_keys(places: Sequence[Location], missing: list[str], allowed: list[str]) -> str:
+    """Return the message about unknown keys of a table, with the keys that it lacks and allows."""
+    hint = nearest(places[0][-1], missing) or nearest(places[0][-1], allowed)
+    kind = f"unknown key, {hint}" if len(places) == 1 else "unknown keys; "
+    lacking = f"missing: {', '.join(missing)}; " if missing else ""
+    return f"{kind}{lacking}allowed: {', '.join(allowed)}"
+
+
+def _unfit_value(error: Mapping[str, Any], spec: Any, place: Location) -> str:
+    """Return the message about a value that does not fit, in plain English."""
+    if error["type"] == "dataclass_type":
+        return f"must be a table {{ {', '.join(_keys(spec, place))} }}"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    for theirs, ours in WORDS.items():
+        message = message.replace(theirs, ours)
+    return message
 
 
 @lru_cache(maxsize=64)
@@ -71,7 +81,7 @@ def _adapter(spec: Hashable) -> Any:
     return TypeAdapter(cast("type", spec))
 
 
-def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
+def _keys(spec: Any, location: Location) -> list[str]:
     """Return the keys allowed at a location, found by following the annotations of the specs."""
     for part in location:
         if is_dataclass(spec):
@@ -83,7 +93,13 @@ def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
     return [field.name for field in fields(spec)]
 
 
-def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+def _distinct(document: Any, locations: Sequence[Location]) -> list[Location]:
+    """Return the places of errors in the document; only the first one for items of a list."""
+    places = [*dict.fromkeys(_place(document, each) for each in locations)]
+    return places[:1] if places[0] and isinstance(places[0][-1], int) else places
+
+
+def _place(document: Any, location: Location) -> Location:
     """Return the location of an error in the document, without parts that the validator added."""
     for depth, part in enumerate(location):
         try:
@@ -93,14 +109,11 @@ def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, .
     return location
 
 
-def _at(document: Any, location: tuple[int | str, ...]) -> Any:
+def _at(document: Any, location: Location) -> Any:
     """Return the entry at the location of an error, with number and unit as written in the file."""
     for part in location:
         document = document[part]
-    if isinstance(document, Mapping):
-        return (
-            f"{document['value']} {document.get('unit', '')}".strip()
-            if "value" in document
-            else None
-        )
-    return document
+    if not isinstance(document, Mapping):
+        return document
+    value, unit = document.get("value"), document.get("unit", "")
+    return None if value is None else f"{value} {unit}".strip()
