@@ -226,8 +226,8 @@ def track(
         Source of the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size of
         the ``ball``. By default the source with the smaller uncertainty.
     readout
-        Readout time of a rolling shutter for one frame, at most 1/fps, for example ``16ms`` or
-        ``16ms±2ms``.
+        Readout time of a rolling shutter for one frame, for example ``16ms`` or ``16ms±2ms``. At
+        most 2/fps is allowed, because a file may store every frame twice.
     global_shutter
         The shutter is global: all rows are exposed at once. That of a phone is not; stated as
         global, its speeds may be off by 10 %.

@@ -149,7 +149,7 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
     }
     for name in (each for each in within if not within[each]):
         allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-        allowed += f", the duration of a frame {1 / knowledge.rate:.3g} s"
+        allowed += f", the longest readout time {2 / knowledge.rate:.3g} s"
         raise InputError(str(clip.source.path), f"{{{name}}}", said[name], allowed)
     return knowledge
 
