@@ -8,6 +8,7 @@ toward the ball, batted ball away from the bat. A field annotated with a `Dimens
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, cast
@@ -28,8 +29,25 @@ JOINERS = str.maketrans("", "", "\u200c\u200d")  # characters that shape their n
 LARGEST = 1e18  # largest value of any quantity [SI], so that products stay finite
 
 
+class ReadEntry(ABC):
+    """Annotation of a field whose file entry is converted or checked by `read`."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def read(self, raw: object) -> object:
+        """Return the value of the entry. Raises `ValueError` if the entry is not allowed."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self.read, handler(source))
+
+
 @dataclass(frozen=True, slots=True)
-class Dimension:
+class Dimension(ReadEntry):
     """Annotation of a field whose file entry is a quantity of this dimension, converted to SI.
 
     A value that is not between `low` and `high` is rejected, because usually its unit is wrong.
@@ -92,13 +110,6 @@ class Dimension:
         allowed = f"{low:g} to {high:g} {unit}".removesuffix(" 1")
         raise ValueError(f"{value:g} is outside the range {allowed}{hint}")
 
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
-
 
 def is_line(text: str, most: int) -> bool:
     """Return whether a string is one printable line of at most `most` characters.
@@ -110,7 +121,7 @@ def is_line(text: str, most: int) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class Words(ReadEntry):
     """Annotation of a field whose file entry is one printable line."""
 
     most: int
@@ -120,13 +131,6 @@ class Words:
         if isinstance(raw, str) and not is_line(raw, self.most):
             raise ValueError(f"must be one line of up to {self.most} printable characters")
         return raw
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
 
 
 @dataclass(frozen=True, slots=True)

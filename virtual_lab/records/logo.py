@@ -10,14 +10,11 @@ import base64
 import binascii
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
+from virtual_lab.catalog.specs import ReadEntry
 from virtual_lab.errors import InputError
 from virtual_lab.files import inside, read_bytes
-
-if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler
-    from pydantic_core import CoreSchema
 
 MOST = 200_000  # largest size of a file [bytes]
 MOST_PIXELS = 4_000_000
@@ -65,7 +62,7 @@ def picture_in(address: str) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class LogoAddress:
+class LogoAddress(ReadEntry):
     """Annotation of a field whose entry is a picture, or empty."""
 
     def read(self, raw: object) -> object:
@@ -73,13 +70,6 @@ class LogoAddress:
         if isinstance(raw, str) and raw:
             picture_in(raw)
         return raw
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
 
 
 Logo = Annotated[str, LogoAddress()]

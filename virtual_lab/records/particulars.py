@@ -10,21 +10,17 @@ import datetime
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from virtual_lab.catalog.specs import Spec, Title
+from virtual_lab.catalog.specs import ReadEntry, Spec, Title
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
 from virtual_lab.records.logo import Logo, logo_of
 
-if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler
-    from pydantic_core import CoreSchema
-
 
 @dataclass(frozen=True, slots=True)
-class Calendar:
+class Calendar(ReadEntry):
     """Annotation of a field whose file entry is a day, as a date or as text; empty: not stated."""
 
     def read(self, raw: object) -> object:
@@ -37,13 +33,6 @@ class Calendar:
             except ValueError:
                 raise ValueError("must be a day such as 2026-11-25") from None
         return raw
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self.read, handler(source))
 
 
 Day = Annotated[str, Calendar()]
