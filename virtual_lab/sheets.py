@@ -286,16 +286,14 @@ def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
     return (words,) if isinstance(words, str) else tuple(words)
 
 
-def entry_rule(kind: str, more: str = "") -> ParameterRule:
+def entry_rule(kind: str) -> ParameterRule:
     """Return the rule for a parameter that takes an entry of the catalog.
 
     The value of the parameter is a name in the catalog, the path of a .toml file, or a `Sheet` (an
     entry that may have changed values). `kind` is the kind of entry, such as ``bats``. The rule
-    rejects a sheet of another kind, but it does not check whether a named entry exists. `more` is
-    appended to the description of the allowed values.
+    rejects a sheet of another kind, but it does not check whether a named entry exists.
     """
     one = kind.removesuffix("s")
-    allowed = f"a {one}: its name (vl.shelf('{kind}')), a .toml file or a sheet, vl.{one}(…)"
 
     def read(value: Any) -> str | Sheet:
         if not isinstance(value, Sheet):
@@ -306,7 +304,7 @@ def entry_rule(kind: str, more: str = "") -> ParameterRule:
 
     return ParameterRule(
         read=read,
-        allowed=allowed + more,
+        allowed=f"a {one}: its name (vl.shelf('{kind}')), a .toml file or a sheet, vl.{one}(…)",
         complete=lambda: _titles(kind),
         metavar=one.upper(),
         kind="name",

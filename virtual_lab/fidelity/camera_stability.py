@@ -71,7 +71,6 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
             sorted(cells, key=itemgetter("method")),
             title=title,
             states=PictureState,
-            map_of=itemgetter("map"),
             line_of=lambda row: f"{row['method']}: {row['ball']}",
             abreast=4,
         ),

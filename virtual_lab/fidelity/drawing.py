@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from itertools import pairwise, product
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -50,19 +49,14 @@ class PictureState(CellState):
     UNSAID = "wrong without a flag", "X", "#800026"
 
 
-def _map_of(row: Row) -> str:
-    """Return the name of the map to which a row belongs, including its method, if any."""
-    return f"{row['method']}: {row['map']}" if "method" in row else str(row["map"])
-
-
 def _line_of(row: Row) -> str:
     return _short(row["step"])
 
 
-def _maps(rows: Sequence[Row], map_of: Callable[[Row], str]) -> dict[str, list[Row]]:
+def _maps(rows: Sequence[Row]) -> dict[str, list[Row]]:
     maps: dict[str, list[Row]] = {}
     for row in rows:
-        maps.setdefault(map_of(row), []).append(row)
+        maps.setdefault(row["map"], []).append(row)
     return maps
 
 
@@ -87,7 +81,7 @@ def maps_text(rows: Sequence[Row], states: type[CellState], down: Sequence[str])
     parts = [", ".join(f"{state.mark} {state}" for state in _used_states(states, rows))]
     if any(row.get("refused") for row in rows):
         parts[0] += "; in parentheses: refused, with its state"
-    for name, map_rows in _maps(rows, itemgetter("map")).items():
+    for name, map_rows in _maps(rows).items():
         table: dict[tuple[str, ...], Row] = {}
         for row in map_rows:
             mark = states(row["state"]).mark
@@ -103,7 +97,6 @@ def draw_maps(
     *,
     title: str,
     states: type[CellState],
-    map_of: Callable[[Row], str] = _map_of,
     line_of: Callable[[Row], str] = _line_of,
     down: str = "",
     abreast: int = 5,
@@ -118,15 +111,12 @@ def draw_maps(
     Parameters
     ----------
     rows
-        Cells of all maps, one dictionary per cell. The key `value` is the label of the cell's
-        column in the map. The key `state` is its state.
+        Cells of all maps, one dictionary per cell. The key `map` is the name of the cell's map, and
+        `value` is the label of its column in the map. The key `state` is its state.
     title
         Title of the figure.
     states
         Enumeration of the states.
-    map_of
-        Function of a cell that returns the name of its map. By default the name is the value of the
-        key `map`. If the cell has the key `method`, the name is ``METHOD: MAP``.
     line_of
         Function of a cell that returns the label of its row in the map. By default it is the value
         of the key `step`.
@@ -141,7 +131,7 @@ def draw_maps(
 
     from virtual_lab.output.page_figure import PageFigure
 
-    maps = _maps(rows, map_of)
+    maps = _maps(rows)
     high = -(-len(maps) // abreast)
     figure = PageFigure(figsize=(17, 3.6 * high + 0.6), dpi=110, layout="constrained")
     panels = figure.subplots(high, abreast, squeeze=False).ravel()

@@ -34,14 +34,14 @@ def digits(u: float) -> str:
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 
 
-def with_uncertainty(value: float, u: float, word: str = "u") -> str:
+def with_uncertainty(value: float, u: float) -> str:
     """Return a value and its uncertainty as text, such as ``0.9470 (u 0.0048)``.
 
-    `u` has two significant digits, and the value has as many decimals as `u`. `word` replaces ``u``
-    in the text. If `u` is at most 1e-9, the value has six decimals and the text ends in ``(u 0)``.
-    The value also has six decimals if `u` is not finite.
+    `u` has two significant digits, and the value has as many decimals as `u`. If `u` is at most
+    1e-9, the value has six decimals and the text ends in ``(u 0)``. The value also has six decimals
+    if `u` is not finite.
     """
-    return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
+    return f"{value:.{decimals(u)}f} (u {digits(u)})"
 
 
 def expanded(value: float, u: float) -> str:
