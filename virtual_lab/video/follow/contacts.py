@@ -91,7 +91,8 @@ def contacts_of(
         if long_enough and kind != "other":
             ratio, flag, why = _restitution(model, k, t, normal, kind, sharp is not None)
             if flag:
-                notes.append((flag, f"contact at frame {frame:.1f}: {why}; no restitution stated"))
+                words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
+                notes.append((flag, words))
         place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
         metres = scale.metres_per_pixel * place
         if sharp:  # the fit is in the plane of the ball
@@ -114,7 +115,8 @@ def contacts_of(
                 metres_u=float(np.hypot(place_u, scale.relative_u * np.hypot(*metres))),
             )
         )
-    for k in {*range(len(ways) - 1)} - {each.before for each in contacts}:
+    met = {each.before for each in contacts}
+    for k in set(range(len(ways) - 1)) - met:
         end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
         words = f"flights {k + 1} and {k + 2} do not meet between {end:.4g} and {start:.4g} ms,"
         why = "where one ends and the other begins, so no contact is stated"

@@ -160,7 +160,8 @@ def against_flights(
         why = "in the others it is carried, rolls or is struck, or a flight was missed"
         notes.append(("UNEXPLAINED" if share < EXPLAINED else "", f"{words}; {why}"))
     frames = np.concatenate([way.frames for way in ways])
-    if leaps := {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}:
+    leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
+    if leaps:
         words = f"the background jumps by {max(leaps.values()):.2g} pixels before frame"
         why = "flights near it may be wrong. If the camera stands still, use {tripod}"
         notes.append(("DRIFT_LEAPS", f"{words} {min(leaps)}; {why}"))
@@ -198,7 +199,8 @@ def of_camera(model: FittedFlights, drift: float, rate: float) -> list[Note]:
     notes, fit = [], model.fit
     ball = model.scene.blobs[np.concatenate([each.blobs for each in model.ways])]
     moved = max(float(np.ptp(ball[f"picture_{axis}"] - ball[axis])) for axis in "xy")
-    if (turn := moved / FOCAL / max(model.scene.size)) > STEEPEST:
+    turn = moved / FOCAL / max(model.scene.size)
+    if turn > STEEPEST:
         words = f"the picture moves by {moved:.0f} pixels during the flights; a usual lens that"
         how = f"turned by {turn / DEGREE:.0f} degrees was fitted. Hold another camera still"
         notes.append(("PANNED", f"{words} {how}"))

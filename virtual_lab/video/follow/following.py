@@ -188,9 +188,9 @@ def measure(
     pieces = search.pieces
     scene, ways = turn_back(search.scene, search.ways, watched)
     notes = [*earlier]
-    # a fitted rate is not that of the file
-    said = [e for e in clip.warnings if knowledge.rate_of != GRAVITY or UNSURE_RATE not in e]
-    notes += [("FRAMES_UNREAD" if UNREAD in words else "", words) for words in said]
+    for words in clip.warnings:
+        if knowledge.rate_of != GRAVITY or UNSURE_RATE not in words:  # else not the file's rate
+            notes.append(("FRAMES_UNREAD" if UNREAD in words else "", words))
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
@@ -230,7 +230,8 @@ def measure(
         per_m = {"unit": 1 / scale.metres_per_pixel, "relative_u": scale.relative_u}
         drag = estimate_of(lambda fit: fit.drag, model.fit, model.rest, **per_m)
         notes += against
-    notes += [*against_size(rulers), *against_flights(scene, watched, pieces, ways)]
+    notes += against_size(rulers)
+    notes += against_flights(scene, watched, pieces, ways)
     if count := _while_moving(repeats(watched), ways or pieces).sum():
         words = f"{count} frames are stored twice while the ball moves; repeats are ignored"
         notes.append(("REPEATED_FRAMES", words))

@@ -46,8 +46,7 @@ from virtual_lab.video.show.track_text import (
 # `ClipKnowledge`, and `file`, `corrected`, `phone`, `mass`, `ball_mass`, `exposure` and `assumed`.
 Said = Mapping[str, Any]
 UNSURE_BALL = "no u of the ball's diameter is given"
-# beginnings of remarks, and a flag, that apply to most clips of phones
-STANDING = (UNSURE_BALL, UNSURE_RATE, "READOUT_UNKNOWN")
+STANDING = (UNSURE_BALL, UNSURE_RATE)  # beginnings of remarks that apply to most clips of phones
 
 
 def track_clip(
@@ -83,7 +82,8 @@ def track_clip(
     track = follow(clip, _knowledge(clip, calibration, said), progress=progress)
     messages = (*track.notes, *notes)
     if "phone" in said:  # the option makes these notes unnecessary
-        messages = tuple(each for each in messages if not "".join(each).startswith(STANDING))
+        messages = tuple(each for each in messages if not each[1].startswith(STANDING))
+        messages = tuple(each for each in messages if each[0] != "READOUT_UNKNOWN")
     if track.uncorrected:
         messages = (("", correction_text(track.uncorrected, track)), *messages)
     return replace(track, notes=messages, uncorrected=None, clip=clip.trim_memory())
