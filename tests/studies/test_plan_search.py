@@ -87,6 +87,33 @@ def test_equal_plans_are_less_than_five_minutes_apart(seed):
     assert best[0].bit_count() == fewest
 
 
+class UndecidedLaboratory(KnownLaboratory):
+    """Better gates are so close to the target that no number of tests decides."""
+
+    def true_u(self, exchanged, counts):
+        better = 0.3 * ("gates" in exchanged) + 0.1 * ("stand" in exchanged)
+        return 0.999 * TARGET * np.sqrt(1 - better + 1.8 / counts.hits)
+
+    def predict_u(self, grid):
+        return super().predict_u(grid) / self.wrong
+
+    def simulate(self, exchanged, counts, tests):
+        value = self.true_u(exchanged, counts)
+        median = Median(value, 0.2 * value / np.sqrt(tests))
+        return SimpleNamespace(median_u=median, invalid=np.zeros(tests, bool))
+
+    def minutes(self, grid):
+        one = 2.0 * grid.hits + 20 * (grid.final_hits + grid.balls + grid.wall_hits)
+        return np.stack([one] * 8)
+
+
+def test_more_hits_are_chosen_before_a_second_exchange():
+    search = Search(UndecidedLaboratory(0), TARGET, 200, None)
+    best = search.row(search.cheapest(lambda *_: None)[0])
+    assert (best.exchanged, best.reaches) == ("gates", "yes")
+    assert best.hits in {7, 8}
+
+
 def test_shots_with_a_better_cannon_are_those_of_its_tests(monkeypatch):
     """With half of the scatter fewer hits are invalid; a prediction without it was 60 % higher."""
     monkeypatch.setattr("virtual_lab.studies.plan.laboratory.PILOT", 256)

@@ -53,6 +53,17 @@ def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None
     return next(iter(_rank(single, u, cost)), None)
 
 
+def simplest(u: Array, cost: Array, target: float, most: float, exchanges: int) -> Index | None:
+    """Return the index of the cheapest plan that reaches the target with few exchanges.
+
+    It has fewer than `exchanges` exchanged instruments, and costs less than `most` [unit of
+    `cost`]. The result is None if there is no such plan. The other arguments are those of
+    `cheapest`.
+    """
+    few = _exchanges(u).reshape(-1, *(1,) * (u.ndim - 1)) < exchanges
+    return next(iter(_rank(few & (cost < most) & (u <= target), u, cost)), None)
+
+
 def irreducible(reaches: Mask) -> Mask:
     """Return a mask of the plans that reach a target and cannot be reduced.
 

@@ -110,10 +110,11 @@ def plan(
     one exchanged instrument fewer, or with the next smaller number of hits, balls or wall hits.
 
     The u of a plan is predicted from the budget of the present laboratory, and corrected by the
-    plans that were simulated. The plan with the largest expected saving is simulated next. If its u
-    is within two standard errors of the target, four times the tests are simulated, up to 5 000
-    tests. The search ends if no plan is expected to save more than 5 min, or after 20 000 tests
-    beyond those of the table (about 20 s of processor time).
+    plans that were simulated. The plan with the largest expected saving is simulated next, and
+    then plans about as cheap as the best one with fewer exchanges. If the u of a plan is within two
+    standard errors of the target, four times the tests are simulated, up to 5 000 tests. The search
+    ends if no plan is expected to save more than 5 min or an exchange, or after 20 000 tests beyond
+    those of the table (about 20 s of processor time).
 
     In the table, *reaches the target* is yes, no, or not decided within two standard errors of the
     simulated u. Of the plans that reach it for less than 5 min, or the price of 5 min of all tests,

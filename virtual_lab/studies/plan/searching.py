@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
 from virtual_lab.output.tables import column
-from virtual_lab.studies.plan.choosing import Index, cheapest
+from virtual_lab.studies.plan.choosing import Index, cheapest, simplest
 from virtual_lab.studies.plan.laboratory import PlannedLaboratory
 from virtual_lab.studies.plan.prediction import Counts
 from virtual_lab.studies.plan.prices import Prices
@@ -91,7 +91,9 @@ class Search:
                 continue
             if self.simulated[present].reaches == "yes":
                 return [present]
-            unknown = self._promising() if self.left > MOST_OF_PLAN else []
+            unknown = []
+            if self.left > MOST_OF_PLAN:
+                unknown = self._promising() or self._simpler()
             plans = cheapest(self.estimates()[0], self.cost, self.target, SHOWN)
             unknown = unknown or [at for at in plans or [self.lowest()] if self._open(at)]
         plans += [at for at in self._best[:1] if at not in plans]
@@ -116,11 +118,19 @@ class Search:
         return _index(u[:sets].argmin(), u)
 
     @property
+    def _certain(self) -> list[Index]:
+        """Simulated plans that reach the target beyond doubt."""
+        return [at for at, plan in self.simulated.items() if plan.reaches == "yes"]
+
+    @property
+    def _near(self) -> float:
+        """Cost below which a plan is as good as the cheapest certain one."""
+        return min((float(self.cost[at]) for at in self._certain), default=0) + self.close
+
+    @property
     def _best(self) -> list[Index]:
         """Plans that reach the target at the smallest cost, the fewest exchanges first."""
-        certain = [at for at, plan in self.simulated.items() if plan.reaches == "yes"]
-        least = min((self.cost[at] for at in certain), default=0) + self.close
-        near = [at for at in certain if self.cost[at] < least]
+        near = [at for at in self._certain if self.cost[at] < self._near]
         return sorted(near, key=lambda at: (at[0].bit_count(), self.cost[at]))
 
     def _grows(self, at: Index) -> bool:
@@ -136,6 +146,16 @@ class Search:
         fewer = all(at[0].bit_count() < each[0].bit_count() for each in best)
         near = all(self.cost[at] < self.cost[each] + self.close for each in best)
         return fewer and near and self.left > 0 and self._grows(at)
+
+    def _simpler(self) -> list[Index]:
+        """Return a new plan that may replace the best one because it has fewer exchanges."""
+        if not self._best:
+            return []
+        u, _ = self.estimates()
+        for at in self.simulated:
+            u[at] = inf
+        fewer = simplest(u, self.cost, self.target, self._near, self._best[0][0].bit_count())
+        return [fewer] if fewer else []
 
     def _promising(self) -> list[Index]:
         """Return the plan with the largest expected saving per test, if it is not small.
