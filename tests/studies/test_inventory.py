@@ -12,7 +12,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Quiet
-from virtual_lab.studies.inventory import show
+from virtual_lab.studies.inventory import ShownSheet, show
 from virtual_lab.units import MPH, STANDARD_GRAVITY
 
 RADIUS = 0.0366
@@ -102,3 +102,15 @@ def test_the_text_of_a_sheet_can_be_copied_and_used(tmp_path):
     for kind, function in (("instruments", vl.instrument), ("rigs", vl.rig)):
         shown = vl.show(f"{kind}/ball-cannon", toml=True)
         assert shown.text == function("ball-cannon").text.rstrip()
+
+
+@pytest.mark.parametrize(
+    "name", ["balls/baseball-2003", "instruments/pivot-gates", "rigs/astm-pivot", "bats/r161"]
+)
+def test_the_folder_of_a_file_tells_its_kind(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.toml"
+    path.parent.mkdir()
+    path.write_text(vl.show(name, toml=True).text, "utf-8")
+    own, catalogs = show(path), show(name)
+    assert isinstance(own, ShownSheet) and isinstance(catalogs, ShownSheet)
+    assert (own.kind, own.numbers) == (catalogs.kind, catalogs.numbers)

@@ -354,7 +354,7 @@ def check_writable(target: Path, key: str) -> None:
     """
     parent = target.absolute().parent
     if not (parent.is_dir() or target.parent == Path(OUT)):
-        allowed = f"cannot be written (there is no folder {target.parent})"
+        allowed = f"cannot be written (there is no folder {target.parent}; make it first)"
         raise InputError("", key, str(target), allowed)
     existing = next(each for each in (target, parent, Path()) if each.exists())
     try:

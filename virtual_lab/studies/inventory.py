@@ -176,17 +176,17 @@ def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownFile:
     Parameters
     ----------
     name
-        A name in the catalog, the .toml file of a bat, a result folder, or its
-        ``certificate.json``. If two kinds have the name, the kind comes first, for example
-        ``rigs/astm-pivot``.
+        A name in the catalog, a .toml file, a result folder, or its ``certificate.json``. If two
+        kinds have the name, the kind comes first, for example ``rigs/astm-pivot``. A file is the
+        sheet of a bat, unless its folder has the name of another kind, such as ``balls``.
     toml
         Print the text of the sheet, to be copied and changed.
 
     Raises
     ------
     InputError
-        The name is unknown (similar names are suggested), the .toml file is missing or is not a
-        bat, or the folder or .json file contains no certificate.
+        The name is unknown (similar names are suggested), the .toml file is missing or is not of
+        its kind, or the folder or .json file contains no certificate.
     """
     name = str(name)
     wanted, _, entry = name.rpartition("/")
@@ -197,7 +197,8 @@ def show(name: AnyName, *, toml: bool = False) -> ShownSheet | ShownFile:
                 return ShownFile(document={"toml": text}, text=text)
             return _sheet(kind, entry)
     if name.endswith(".toml"):
-        return _sheet("bats", name)
+        folder = Path(name).absolute().parent.name
+        return _sheet(folder if folder in catalog.KINDS else "bats", name)
     if Path(name).is_dir() or name.endswith(".json"):
         from virtual_lab.certificate.text import certificate_text
 
