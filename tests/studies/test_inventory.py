@@ -12,7 +12,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Quiet
-from virtual_lab.studies.inventory import ShownSheet, show
+from virtual_lab.studies.inventory import show
 from virtual_lab.units import MPH, STANDARD_GRAVITY
 
 RADIUS = 0.0366
@@ -107,10 +107,9 @@ def test_the_text_of_a_sheet_can_be_copied_and_used(tmp_path):
 @pytest.mark.parametrize(
     "name", ["balls/baseball-2003", "instruments/pivot-gates", "rigs/astm-pivot", "bats/r161"]
 )
-def test_the_folder_of_a_file_tells_its_kind(name: str, tmp_path: Path) -> None:
+def test_the_folder_of_a_file_tells_its_kind(name, tmp_path):
     path = tmp_path / f"{name}.toml"
     path.parent.mkdir()
     path.write_text(vl.show(name, toml=True).text, "utf-8")
-    own, catalogs = show(path), show(name)
-    assert isinstance(own, ShownSheet) and isinstance(catalogs, ShownSheet)
-    assert (own.kind, own.numbers) == (catalogs.kind, catalogs.numbers)
+    own, of_catalog = (show(each).document for each in (path, name))
+    assert (own["kind"], own["numbers"]) == (of_catalog["kind"], of_catalog["numbers"])
