@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+from types import FunctionType
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ import pytest
 from tests.warming import kernels
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files, new_folder
-from virtual_lab.files.caches import CACHE, _lock
+from virtual_lab.files.caches import CACHE, one_process_at_a_time
 from virtual_lab.files.documents import parse_table
 from virtual_lab.files.tables import csv_text
 from virtual_lab.records.record import require_numbers
@@ -234,9 +235,12 @@ def test_two_processes_never_compile_one_function_at_the_same_time(
     both = [subprocess.Popen(command) for _ in range(2)]
     assert [each.wait() for each in both] == [0, 0]
     assert log.read_text().split() == ["begins", "ends"] * 2
-    with _lock(code):
-        elsewhere = os.environ | {CACHE: str(tmp_path / "elsewhere")}
+    elsewhere = os.environ | {CACHE: str(tmp_path / "elsewhere")}
+
+    def while_it_compiles(_: object) -> None:
         subprocess.run(command, env=elsewhere, timeout=60, check=True)
+
+    one_process_at_a_time(while_it_compiles)(FunctionType(compile("", code, "exec"), {}))
 
 
 def test_every_generalised_function_is_compiled_by_one_process_at_a_time() -> None:

@@ -212,15 +212,17 @@ def test_a_row_has_the_errors_of_a_bat_with_its_metric(wood) -> None:
 def test_of_two_variants_with_a_metric_the_one_nearer_to_the_bat_is_tested(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """1 - (ln f - 0.3)² is 0.9 at ln f = 0.3 ± √0.1."""
-    variants = object.__new__(operating._Variants)
-    variants.setup = RoundRobin.of("r161", "astm-f1881").setup
-    variants.tests, variants.total, variants.progress = {}, 1, quiet
-    variants.metric_of = lambda factor: 1 - (np.log(factor) - 0.3) ** 2
-    variants.metrics = variants.metric_of(operating.FACTORS)
-    monkeypatch.setattr(operating._Variants, "_test", lambda *_: (np.zeros(1), np.ones(1)))
-    *_, tested = variants.errors(0.9)
-    assert float(tested.partition("× ")[2]) == pytest.approx(np.exp(0.3 - 0.1**0.5), abs=0.01)
+    """With 0.46 and with 0.77 of its wall, this bat has a metric at the limit."""
+    monkeypatch.setattr(operating, "POINTS", 1)
+    monkeypatch.setattr(operating, "OVER", (1.0,))
+    test = {"procedures": "astm-f1881", "progress": quiet}
+    row = vl.operating("knob-loaded", laboratories=8, **test)[1]
+    shares = 0.463, float(row.errors_of.removeprefix("knob-loaded, wall × "))
+    assert shares[1] > 0.7
+    for share in shares:
+        variant = vl.bat("knob-loaded").with_(wall_factor=0.916 * share)
+        tests = vl.sweep(variant, laboratories=16, **test)
+        assert tests["true_value"].mean() == pytest.approx(row.limit, abs=0.006)
 
 
 def test_the_limit_applies_to_an_exempt_bat_which_the_text_says(wood) -> None:
