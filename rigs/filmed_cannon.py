@@ -42,9 +42,8 @@ class FilmedCannonSpec(BallCannonSpec):
     """Data sheet of the rig: instruments of the ball cannon, camera, and spin of the balls."""
 
     camera: str
-    over: Annotated[
-        float, Gt(0), Dimension("length")
-    ]  # distance from the tip to the origin of the camera's Y
+    # distance from the tip to the origin of the camera's Y
+    over: Annotated[float, Gt(0), Dimension("length")]
     spin_in: Spin  # standard deviation about each axis
     spin_out: Spin
 

@@ -95,9 +95,8 @@ def summary_of(
             sound = verdict != "INVALID"
             metric, u, low, high, true = (one[sound] for one in numbers)
             if np.isnan(about) and metric.size:
-                about = float(
-                    metric[0]
-                )  # origin close to the mean, to keep the digits of sums of squares
+                # origin close to the mean, to keep the digits of sums of squares
+                about = float(metric[0])
             deviation, error = metric - about, metric - true
             terms = (deviation, deviation**2, u**2, error, error**2, true > high, true < low)
             sums[:7] += [np.sum(term) for term in terms]

@@ -50,9 +50,8 @@ class FoundBy(Spec):
     beyond: Annotated[float, Gt(0), Dimension("number")]  # limit above which the fault is suspected
     # standard deviation of the number on sound days, if no certificate gives one
     u: Annotated[float | None, Gt(0), Dimension("number")] = None
-    sure: Annotated[
-        float, Gt(0), Le(1), Dimension("number")
-    ]  # probability of the fault above that limit
+    # probability of the fault above that limit
+    sure: Annotated[float, Gt(0), Le(1), Dimension("number")]
     unless: tuple[str, ...] = ()  # faults with the same signs and others
 
 

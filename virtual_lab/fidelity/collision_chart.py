@@ -116,9 +116,8 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
         barrel, whole = (_scenes(ends, point.scenes) for ends in (BARREL_IN, WHOLE_IN))
         error = np.abs(point.efficiency(barrel) - point.exact(BARREL_IN, point.scenes))
         answers = _answers(point.efficiency, whole)
-        is_wrong = (
-            np.abs(answers - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U
-        )  # False for NaN
+        # False for NaN
+        is_wrong = np.abs(answers - point.exact(WHOLE_IN, point.scenes)) > EFFICIENCY_U
         batch = _scenes(BARREL_IN, point.timed or point.scenes)
         _, seconds = least_time(partial(point.efficiency, batch))
         rows.append(
@@ -305,9 +304,8 @@ def _draw_panel(axes: Any, rows: list[Row], panel: Question) -> None:
             times, errors = zip(
                 *((r["us_a_shot"], r["worst_error"]) for r in series_rows), strict=True
             )
-            width = (
-                0 if series is Series.SCIPY else 1
-            )  # the points of this series are different methods
+            # the points of this series are different methods
+            width = 0 if series is Series.SCIPY else 1
             axes.plot(times, errors, marker=marker, color=colour, linewidth=width, label=series)
     for key, ring, style, words in (
         ("off_along_the_bat", "#c00000", "solid", "error above u elsewhere on the bat"),

@@ -54,9 +54,8 @@ class Rehearsal:
     percussion: float  # impact position of the result [m]
     bat: BatProperties
     turn_rate: float  # angular rate of the bat [rad/s]
-    curve: Callable[
-        [Array], Array
-    ]  # function of positions [m], shape (n,): e_A, r and e0, shape (3, n)
+    # function of positions [m], shape (n,): e_A, r and e0, shape (3, n)
+    curve: Callable[[Array], Array]
 
     @classmethod
     def of(cls, laboratory: Laboratory, percussion: float) -> Self:

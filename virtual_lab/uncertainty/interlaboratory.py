@@ -29,9 +29,8 @@ class NestedStudy:
     Variances are unbiased, so they can be negative. Standard deviations are 0 in that case.
     """
 
-    counts: NDArray[
-        np.int_
-    ]  # number of repeats, (laboratory, lot); 0 for a lot that a laboratory lacks
+    # number of repeats, (laboratory, lot); 0 for a lot that a laboratory lacks
+    counts: NDArray[np.int_]
     mean: Array  # mean of all results
     repeat_variance: Array
     lot_variance: Array  # NaN with one lot per laboratory; laboratory_variance then includes it

@@ -16,9 +16,8 @@ from virtual_lab.units import DIMENSIONS, INCH, OUNCE
 Value = str | float | int
 LENGTHS = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "in": INCH})
 MASSES = MappingProxyType({"g": 1e-3, "oz": OUNCE})
-TYPED = re.compile(
-    r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)"
-)  # a number followed by a unit
+# a number followed by a unit
+TYPED = re.compile(r"([^a-zA-Z%]+?(?:[eE][+-]?\d+)?)\s*([a-zA-Z%/]+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -51,9 +51,8 @@ class Day:
     morning: Session  # calibration constants before the first action
     balls: int
     supplied_events: int = 0  # number of events that another laboratory supplied
-    listed: Mapping[str, float] = field(
-        default_factory=dict
-    )  # possible faults, each with its probability
+    # possible faults, each with its probability
+    listed: Mapping[str, float] = field(default_factory=dict)
     practice: int = 0  # entry from which an earlier day is repeated; 0: no practice
     checklists: bool = False
     remarks: bool = False  # whether the page names an omitted step at once
@@ -229,9 +228,8 @@ Changes = Mapping[str, Any]  # fields of a day
 
 
 def _set_position(day: Day, arguments: Changes) -> Changes:
-    from virtual_lab.measurement.procedure import (
-        round_to_setting,
-    )  # a slow import, not needed for the first page
+    # a slow import, not needed for the first page
+    from virtual_lab.measurement.procedure import round_to_setting
 
     place = float(round_to_setting(arguments["place"] / 1e3, exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}

@@ -225,9 +225,8 @@ def _pendulum(desk: Desk) -> Iterator[CheckRow]:
 
 def _repeated_weighing(desk: Desk) -> Iterator[CheckRow]:
     event, actions = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
-    if (
-        event and "tare" in actions[: actions.index("weigh-balls")]
-    ):  # without it the zero of the scale may have changed in between
+    # without a tare before, the zero of the scale may have changed between the two weighings
+    if event and "tare" in actions[: actions.index("weigh-balls")]:
         values = [value for _, value in _numbers(event)]
         u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
         on_display, entered = float(np.mean(values[::2])), float(np.mean(values[1::2]))
@@ -239,9 +238,8 @@ def _repeated_wall_hits(desk: Desk) -> Iterator[CheckRow]:
     if event and morning:
         values = [value for _, value in _numbers(event)]
         today, before = (np.array(values[first::2]) for first in (0, 1))
-        u = _lot_scatter(morning) / sqrt(
-            today.size
-        )  # an upper bound: repeats of one ball scatter less
+        # an upper bound: repeats of one ball scatter less
+        u = _lot_scatter(morning) / sqrt(today.size)
         ratio = float(np.mean(today / before))
         yield _row("wrong-lot", event, ratio, 1.0, u, high=1 + _beyond("wrong-lot"))
 

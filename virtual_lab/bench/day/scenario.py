@@ -36,9 +36,8 @@ class Briefing(Spec):
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
     units: Literal["SI", "inch-ounce-mph"] = "SI"  # units of printed and typed numbers
-    laboratory: Mapping[str, Title] = field(
-        default_factory=dict
-    )  # facts about the laboratory to print with the rules
+    # facts about the laboratory to print with the rules
+    laboratory: Mapping[str, Title] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

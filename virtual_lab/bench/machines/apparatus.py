@@ -465,9 +465,8 @@ def _set_swing(station: Any, arguments: Mapping[str, Any], table: Consequences) 
         if arguments["clock"] == "hand"
         else {}
     )
-    ratio = station.pendulum.spec.release_amplitude / (
-        4.0 * DEGREE
-    )  # ratio to the amplitude without a fault
+    # ratio to the amplitude without a fault
+    ratio = station.pendulum.spec.release_amplitude / (4.0 * DEGREE)
     return with_sheet(
         station,
         "pendulum",

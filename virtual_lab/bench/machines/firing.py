@@ -52,9 +52,8 @@ class Firing:
 
     laboratory: Laboratory
     shots: dict[ShotConditions, RigOutput] = field(default_factory=dict)  # cache of shots
-    sketches: dict[ShotConditions, dict[str, Any]] = field(
-        default_factory=dict
-    )  # cache of sketches
+    # cache of sketches
+    sketches: dict[ShotConditions, dict[str, Any]] = field(default_factory=dict)
     # cache: laboratory with worn balls, by number of wall tests
     after_walls: dict[int, Laboratory] = field(default_factory=dict)
 

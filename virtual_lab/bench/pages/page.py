@@ -122,11 +122,8 @@ def day_page(
     sheets = table.actions.items()
     names = [name for name, each in sheets if each.part != "hits" and is_offered(day, name)]
     suggested = _suggest_shot(desk, briefing)
-    each_shot = (
-        "load-ball",
-        *ready_steps(day),
-        "fire",
-    )  # steps of the button that fires several balls
+    # steps of the button that fires several balls
+    each_shot = ("load-ball", *ready_steps(day), "fire")
     return page_template(PACKAGE, "day.html", WEB).render(
         **_display_variables(desk, briefing, hits, shot, true_motion),
         briefing=briefing,

@@ -17,9 +17,8 @@ from virtual_lab.units import DEGREE, INCH, MPH, Array
 if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
 
-Units = tuple[
-    tuple[str, float], tuple[str, float]
-]  # printed units of length and speed, each with its size in SI
+# printed units of length and speed, each with its size in SI
+Units = tuple[tuple[str, float], tuple[str, float]]
 
 
 class PrintedColumn(NamedTuple):

@@ -167,9 +167,8 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
         fit = getattr(evidence.readings, which)
         if fit is None or not np.isfinite(fit.by_half).any():
             continue
-        lever = evidence.hit_weights.effects * _by_rate(
-            evidence, which
-        )  # 0 if the result depends only on the ball
+        # 0 if the result depends only on the ball
+        lever = evidence.hit_weights.effects * _by_rate(evidence, which)
         mask = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
         compared = (
             evidence.has_result & (evidence.metric.u > 0) & (evidence.per_laboratory(mask) > 0)

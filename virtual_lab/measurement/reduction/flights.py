@@ -17,9 +17,8 @@ from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
-Shots = (
-    Mask | NDArray[np.intp]
-)  # selection of shots: a mask, or indices, negative for a missing shot
+# selection of shots: a mask, or indices, negative for a missing shot
+Shots = Mask | NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

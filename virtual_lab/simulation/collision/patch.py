@@ -89,9 +89,8 @@ class PatchTable:
     values: Callable[[Array], Array]
     length: float
     width: float
-    splines: dict[tuple[int, int], PiecewiseCubic] = field(
-        default_factory=dict
-    )  # key: part and tile
+    # splines by part and tile
+    splines: dict[tuple[int, int], PiecewiseCubic] = field(default_factory=dict)
 
     def __call__(self, z: Array) -> Array:
         """Return the values at positions `z` (n,) [m], (n, columns)."""

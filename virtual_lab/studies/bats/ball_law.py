@@ -61,10 +61,11 @@ LAWS = (
     _Law("Hunt-Crossley", HuntCrossley.of, 1.0),
     _Law("Hunt-Crossley", HuntCrossley.of, 1.5),
 )
+# axis labels keyed by curve name
 PANELS = {
     "restitution": "$e$",
     "batted_speed_mph": "$v_f$, mph",
-}  # axis labels keyed by curve name
+}
 LINES = {"power law": ("-", "black"), "Hunt-Crossley": ("--", "0.5")}  # style and color by law
 MARKERS = {1.0: "o", 1.5: "s", 2.0: "^"}  # markers of the peaks by exponent
 

@@ -47,9 +47,8 @@ class TwinReading:
     days_median: float = column("median", form=".4g")
     days_high: float = column("97.5 %", form=".4g")
     tail_probability: float = column("tail probability", form=".3f")
-    adjusted_probability: float = column(
-        "adjusted", form=".3f"
-    )  # for the number of readings, by Holm
+    # adjusted for the number of readings, by Holm
+    adjusted_probability: float = column("adjusted", form=".3f")
     finding: str = column("finding")
     meaning: str
 

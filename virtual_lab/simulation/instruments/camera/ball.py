@@ -170,10 +170,9 @@ def render_balls(
         float(size.max()) / (SAMPLING.spacing * sigma),
         SAMPLING.detail if look.seam_contrast else 1.0,
     )
+    # arrays of one type, so that the kernel is compiled only once
     warp, path, times, body, turned, lit = (
-        np.require(
-            part, np.float64, ["C", "W"]
-        )  # arrays of one type, so that the kernel is compiled only once
+        np.require(part, np.float64, ["C", "W"])
         for part in (outline, course, when, axes, turns, shades)
     )
     render(

@@ -136,14 +136,12 @@ class LightSpec(CalibratedSpec):
 
     ball: Rate  # rate from a white surface that faces the lamp
     ambient: Share  # share of the light from all directions
-    toward: Annotated[
-        tuple[float, ...], Len(3, 3), Dimension("number")
-    ]  # direction to the lamp in axes of the rig
+    # direction to the lamp in axes of the rig
+    toward: Annotated[tuple[float, ...], Len(3, 3), Dimension("number")]
     softness: Share  # 0 for a distant lamp, 1 for one as large as half the sky
     background: Rate
-    slope: Annotated[
-        tuple[float, ...], Len(2, 2), Dimension("number")
-    ]  # relative rise of the background over width and height
+    # relative rise of the background over width and height
+    slope: Annotated[tuple[float, ...], Len(2, 2), Dimension("number")]
     bowl: Number  # relative rise of the background to a corner
     flicker: Share  # relative amplitude of the flicker
     flicker_frequency: Annotated[float, Ge(0), Dimension("frequency")]
