@@ -21,7 +21,7 @@ from virtual_lab.commands.lines import shell_words
 from virtual_lab.commands.table import every_command
 from virtual_lab.commands.wording import parameters_named
 from virtual_lab.errors import worded
-from virtual_lab.page.fields import given
+from virtual_lab.page.fields import form_values
 from virtual_lab.page.wording import WORDS, field_name, texts
 
 COMMANDS = {name: each for name, each in every_command().items() if name != "open"}
@@ -71,7 +71,7 @@ def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
     sent, names = form_of(page.text)
     hidden = command.fields.keys() & {**HIDDEN["everywhere"], **HIDDEN.get(name, {})}
     assert names - {"point"} == command.fields.keys() - hidden  # point: the one that a click sets
-    assert given(command, parse_qs(urlencode(sent))) == {}
+    assert form_values(command, parse_qs(urlencode(sent))) == {}
     assert OF_SHELL.findall(words_of(page)) == []
     line = FunctionCommand(command)
     call = line.call(line.make_context(name, shlex.split(command.example)))
@@ -89,7 +89,7 @@ def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
     page = visitor.ask(f"/form/{name}?{filled}")
     assert unfolded(page) == shown | values.keys()
     sent, _ = form_of(page.text)
-    entered = given(command, parse_qs(urlencode(sent)))
+    entered = form_values(command, parse_qs(urlencode(sent)))
     assert entered.keys() == values.keys()
     again, expected = (bind(command, {**new, **each}) for each in (entered, values))
     assert sorted(shell_words(again)) == sorted(shell_words(expected))
@@ -139,7 +139,7 @@ def test_a_refused_value_stands_beside_its_field(
 
 
 def test_uncertainties_may_be_typed_with_plus_and_minus() -> None:
-    values = given(COMMANDS["track"], {"clip": ["a.mp4"], "ball": ["73mm+-0.5mm"]})
+    values = form_values(COMMANDS["track"], {"clip": ["a.mp4"], "ball": ["73mm+-0.5mm"]})
     assert bind(COMMANDS["track"], values).values["ball"] == "73mm+-0.5mm"
 
 

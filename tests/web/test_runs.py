@@ -289,7 +289,7 @@ def test_a_result_links_only_its_own_sources(visitor: Visitor) -> None:
 def test_a_run_is_listed_with_the_number_of_its_correction(tmp_path: Path) -> None:
     values = {"clip": "/lab/a.mp4", "corrected": "/lab/uploads/a.mp4-corrected-2.csv", "out": "b"}
     (tmp_path / "call.json").write_text(json.dumps({"values": values}))
-    assert StartedRun(tmp_path, live=False).stated == "a.mp4, corrected-2.csv"
+    assert StartedRun(tmp_path, live=False).values_text == "a.mp4, corrected-2.csv"
 
 
 def test_a_result_without_a_sentence_has_its_first_line() -> None:

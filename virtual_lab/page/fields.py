@@ -41,7 +41,7 @@ def controls(
     """
     example, shown, said = shlex.split(command.example), [], "".join(faults.values())
     every = {key: texts(each.default) for key, each in command.parameters.items()} | {**values}
-    stated = given(command, every)
+    stated = form_values(command, every)
     for key, each in with_control(command).items():
         named = f"--{command.option(key)}" in example and key not in FOLDED
         used = command.takes_position(key) or each.default is REQUIRED or named
@@ -59,7 +59,7 @@ def with_control(command: Command) -> dict[str, ParameterDescription]:
     return {key: each for key, each in command.parameters.items() if key not in hidden}
 
 
-def given(command: Command, form: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+def form_values(command: Command, form: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     """Return the values that a form states; those that equal a default are left out."""
     values: dict[str, Any] = {}
     for key, each in with_control(command).items():
@@ -87,16 +87,16 @@ def _kind(
         endings = () if rule.kind == "folder" else tuple(WORDS["endings"].get(each.name, [".toml"]))
         kinds = () if endings else rule.holds or tuple(KINDS)
         sealed = "truth" if command.name == "score" else ""  # a result without truth has no score
-        every = offered(folder, kinds, endings)
+        every = choices_in(folder, kinds, endings)
         fitting = [each for each in every if Path(each[0], sealed).exists()]
         return "paths" if several else "path", fitting
     if rule.kind == "number":
         return "numbers" if several else "number", []
     if rule.kind == "text" or rule.metavar in TYPED:
-        results = offered(folder, ("result",), ()) if command.name == "show" else ()
+        results = choices_in(folder, ("result",), ()) if command.name == "show" else ()
         return "text", [*choices, *results]
     if not rule.closed:
-        choices += offered(folder, (), (".toml",))
+        choices += choices_in(folder, (), (".toml",))
     return "choices" if several else "choice", choices
 
 
@@ -105,7 +105,7 @@ def is_new(each: ParameterDescription) -> bool:
     return each.rule.holds == ("new",)
 
 
-def offered(
+def choices_in(
     folder: Path, kinds: Sequence[str], endings: tuple[str, ...]
 ) -> Iterator[tuple[str, str]]:
     """Yield folders of some kinds and files with some endings below a folder, newest first.

@@ -21,7 +21,7 @@ from virtual_lab.commands.output import LONGEST_NAME
 from virtual_lab.commands.running import check_target
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free, new_folder, parse_toml, read_text
-from virtual_lab.page.fields import RUNS, is_new, offered
+from virtual_lab.page.fields import RUNS, choices_in, is_new
 from virtual_lab.page.wording import texts, title_of
 from virtual_lab.page.working import (
     BLANK,
@@ -73,7 +73,7 @@ class StartedRun:
         return bool(uses) or self.call.get("of") == other.path.name
 
     @property
-    def stated(self) -> str:
+    def values_text(self) -> str:
         """The given values in one line, without what the page chose."""
         values = self.values
         # the name of a corrected track begins with that of its clip
@@ -168,7 +168,7 @@ class Runs:
         """
         with self.lock:
             known = {text for run in self.all() for text in run.outcome["written"]}
-            results = [] if self.workers else [*dict(offered(self.folder, ("result",), ()))]
+            results = [] if self.workers else [*dict(choices_in(self.folder, ("result",), ()))]
             for text in [each for each in reversed(results) if each not in known]:
                 with suppress(InputError, OSError, KeyError, TypeError):  # a damaged folder
                     self._adopt(Path(text))

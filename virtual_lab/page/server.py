@@ -29,7 +29,7 @@ from virtual_lab.files.folders import folder_kinds
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
 from virtual_lab.page.clips import clip_size, frame_picture
-from virtual_lab.page.fields import controls, given, offered
+from virtual_lab.page.fields import choices_in, controls, form_values
 from virtual_lab.page.runs import Runs, StartedRun
 from virtual_lab.page.uploads import LARGEST_UPLOAD, UPLOADS, receive
 from virtual_lab.page.wording import field_name, limits, refusal, texts
@@ -102,7 +102,7 @@ class Page:
         command, earlier = self._command(request), self._earlier(request)
         form = {key: form.get(key, ()) for key in command.parameters}
         try:
-            run = self.runs.start(command, given(command, form), earlier)
+            run = self.runs.start(command, form_values(command, form), earlier)
         except RefusedError as fault:
             refused = {key: self._sentence(command, key, form, fault) for key in fault.faults}
             return self.form(command, form, refused)
@@ -133,7 +133,7 @@ class Page:
             sources=[each for each in self.runs.all() if run.is_of(each)],
             kinds=folder_kinds(Path(target)) if target else (),
             sealed=(Path(target) / "truth" / "truth.json").is_file(),
-            comparable=len([*offered(self.folder, ("result",), ())]) > 1,
+            comparable=len([*choices_in(self.folder, ("result",), ())]) > 1,
         )
 
     def _run(self, request: Request) -> StartedRun:
@@ -167,7 +167,7 @@ class Page:
         except (KeyError, ValueError) as fault:  # includes InputError
             return sentence_page(404, str(fault))
 
-    def zipped(self, request: Request) -> Response:
+    def archive(self, request: Request) -> Response:
         """Return the files of a result as one file; the sealed truth only if it was ticked."""
         run = self._run(request)
         with_truth, content = "truth" in request.query_params, io.BytesIO()
@@ -246,7 +246,7 @@ def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
         Route("/run/{number:int}", page.result),
         Route("/run/{number:int}/progress", page.progress),
         Route("/run/{number:int}/file", page.file),
-        Route("/run/{number:int}/zip", page.zipped),
+        Route("/run/{number:int}/zip", page.archive),
         Route("/run/{number:int}/cancel", page.cancel, methods=["POST"]),
         Route("/clip", page.clip),
         Route("/upload", upload, methods=["POST"]),
