@@ -63,7 +63,7 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
             + error * draws.normal(f"{name}: places", (frames_left.size, 2), np.array([k]))[0]
         )
         flights_found, scene = _follow(measured)
-        flagged[k] = bool(scene.lost(flights_found)) or len(flights_found) != 2
+        flagged[k] = bool(scene.missing_frames(flights_found)) or len(flights_found) != 2
         if not flights_found:
             continue
         incoming = flights_found[0]

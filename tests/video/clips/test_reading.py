@@ -85,7 +85,7 @@ def test_opening_a_clip_gives_times_bits_and_samples(tmp_path: Path) -> None:
     np.testing.assert_allclose(clip.times, np.arange(100) / 5000)
     assert len(clip.samples) <= MEMORY.samples
     np.testing.assert_array_equal(clip.samples, np.stack(frames)[clip.sampled])
-    chosen = dict(clip.chosen(np.array([3, 97])))
+    chosen = dict(clip.numbered_frames(np.array([3, 97])))
     assert chosen.keys() == {3, 97}
     np.testing.assert_array_equal(chosen[97], frames[97])
     assert clip.warnings == ()
@@ -305,7 +305,7 @@ def test_a_clip_that_fits_in_memory_is_decoded_once(
         for each, stays in ((clip, there), (clip.trim_memory(), later)):
             if stays:
                 np.testing.assert_array_equal(np.stack(list(each.pictures())), frames)
-                assert [number for number, _ in each.chosen(np.array([7, 3]))] == [3, 7]
+                assert [number for number, _ in each.numbered_frames(np.array([7, 3]))] == [3, 7]
             else:
                 with pytest.raises(FileNotFoundError):
                     list(each.pictures())
@@ -324,7 +324,7 @@ def test_chosen_frames_alone_are_decoded(monkeypatch: pytest.MonkeyPatch) -> Non
             yield frame, stamp
 
     clip = replace(clip, source=replace(source, read=read))
-    assert [number for number, _ in clip.chosen(np.array([31, 4, 9]))] == [4, 9, 31]
+    assert [number for number, _ in clip.numbered_frames(np.array([31, 4, 9]))] == [4, 9, 31]
     assert decoded == [4, 9, 31]
 
 

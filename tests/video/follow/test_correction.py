@@ -11,7 +11,7 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import open_clip
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.watching import watch
-from virtual_lab.video.follow.correction import corrected, read_track, require_moving_object
+from virtual_lab.video.follow.correction import apply_correction, read_track, require_moving_object
 from virtual_lab.video.follow.knowledge import ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene
 
@@ -34,7 +34,7 @@ def test_a_missing_time_is_that_of_the_frame(stated: range | None, tmp_path: Pat
     knowledge, still = ClipKnowledge(rate=50.0), np.zeros(20, bool)
     scene = clip_scene(clip, watch(clip), knowledge, still, squeezed=False)
     flights = read_track(tmp_path / "track.csv", clip)
-    (flight,) = corrected(FlightsFound(scene=scene), flights).ways
+    (flight,) = apply_correction(FlightsFound(scene=scene), flights).ways
     np.testing.assert_allclose(flight.t, 50 * times, atol=1e-9)
 
 

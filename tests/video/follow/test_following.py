@@ -119,7 +119,7 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
     """
     made, result = left_out("thinned", 36, 29, tmp_path)
     assert set(result.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
-    missing = set(result.scene.lost(result.ways))
+    missing = set(result.scene.missing_frames(result.ways))
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
     assert missing
     assert missing <= set(gaps.tolist())
@@ -350,7 +350,7 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
             sampled=late[::3],
             full_scale=255,
             pictures=lambda: iter(frames),
-            chosen=lambda wanted: ((k, frames[k]) for k in wanted),
+            numbered_frames=lambda wanted: ((k, frames[k]) for k in wanted),
             source=SimpleNamespace(path="clip", exposure=None),
         ),
     )

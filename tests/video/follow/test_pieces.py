@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from virtual_lab.video.clips.timing import uneven, usual_step
+from virtual_lab.video.clips.timing import is_uneven, usual_step
 from virtual_lab.video.find.blobs import BLOB, Blobs
 from virtual_lab.video.follow.flights import explained_share, falls_freely, flights_of
 from virtual_lab.video.follow.joint import fit_flights
@@ -189,7 +189,7 @@ def test_a_phone_may_film_on_at_a_lower_rate(after: float) -> None:
     """Phones change from 30 to 24 frames per second in the dark; time stamps show it."""
     rounded = np.random.default_rng(1).uniform(-4e-4, 4e-4, 80)
     times = np.cumsum([*np.full(30, 1 / 30), *np.full(50, after)]) + rounded
-    assert uneven(times) == (after != 1 / 30)
+    assert is_uneven(times) == (after != 1 / 30)
     assert usual_step(times) == pytest.approx(after, rel=0.02)
 
 

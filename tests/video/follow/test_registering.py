@@ -27,7 +27,9 @@ def register_in(
     pictures: Pictures, watched: Watched, result: FlightsFound
 ) -> tuple[Watched, FlightsFound]:
     """Register the flight of a clip with these pictures."""
-    clip = SimpleNamespace(full_scale=255, chosen=lambda wanted: ((k, pictures[k]) for k in wanted))
+    clip = SimpleNamespace(
+        full_scale=255, numbered_frames=lambda wanted: ((k, pictures[k]) for k in wanted)
+    )
     return register(cast("Clip", clip), watched, result)
 
 

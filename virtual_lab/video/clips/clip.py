@@ -64,9 +64,9 @@ class Clip:
 
     def pictures(self) -> Iterator[Frame]:
         """Return an iterator over all frames as stored, gray or in color."""
-        return (picture for _, picture in self.chosen(np.arange(self.count)))
+        return (picture for _, picture in self.numbered_frames(np.arange(self.count)))
 
-    def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
+    def numbered_frames(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
         """Yield number and frame, as stored, of the frames with the `wanted` numbers, in order.
 
         Frames after the last wanted frame are not read.

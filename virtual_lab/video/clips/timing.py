@@ -123,28 +123,28 @@ def usual_step(times: Array) -> float:
     """Return the usual time from one frame to the next [s].
 
     `times`, (frame,), are the time stamps of the frames [s]. The result is the mean of the steps
-    between them. If the function `uneven` returns True for `times`, it is the median of the steps.
-    For a single frame it is 1 s.
+    between them. If the function `is_uneven` returns True for `times`, it is the median of the
+    steps. For a single frame it is 1 s.
     """
     steps = np.diff(times)
     if not len(steps):
         return 1.0
-    return float(np.median(steps) if uneven(times) else steps.mean())
+    return float(np.median(steps) if is_uneven(times) else steps.mean())
 
 
 def frame_steps(times: Array) -> Array:
     """Return the time of each frame since the first frame, in frame intervals, (frame,).
 
     `times`, (frame,), are in s. If the times are evenly spaced, the result is the index of each
-    frame. Otherwise (see `uneven`) it is the time since the first frame divided by `usual_step`,
+    frame. Otherwise (see `is_uneven`) it is the time since the first frame divided by `usual_step`,
     the usual time between frames.
     """
-    if uneven(times):
+    if is_uneven(times):
         return np.asarray((times - times[0]) / usual_step(times))
     return np.arange(len(times), dtype=float)
 
 
-def uneven(times: Array) -> bool:
+def is_uneven(times: Array) -> bool:
     """Return whether time stamps deviate from equal steps by a range of more than 0.3 of a step.
 
     `times`, (frame,), are the time stamps [s]. The range is the largest deviation minus the

@@ -92,7 +92,7 @@ def require_moving_object(blobs: Blobs, flights: Sequence[Blobs]) -> None:
         raise InputError("", "{corrected}", None, f"{words}; allowed: a track of this clip")
 
 
-def corrected(result: FlightsFound, flights: list[Blobs]) -> FlightsFound:
+def apply_correction(result: FlightsFound, flights: list[Blobs]) -> FlightsFound:
     """Return the flights with positions and sizes that were set by hand.
 
     The clip shows the other properties: missing frames, edge, contrast, color and axes of the ball,

@@ -169,7 +169,7 @@ def against_flights(
         words = "each frame combines two fields of different times (interlaced); convert the clip"
         advice = "to one frame per field, for example with ffmpeg -i CLIP -vf bwdif=1 NEW"
         notes.append(("INTERLACED", f"{words} {advice}"))
-    if lost := scene.lost(ways):
+    if lost := scene.missing_frames(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
         words = "frames are missing although the time stamps are even"
         notes.append(("LOST_FRAMES", f"{words} ({where}); the times were corrected"))

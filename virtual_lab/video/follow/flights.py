@@ -156,7 +156,7 @@ class _Bend:
         return float(size * np.ptp(self.t) ** 2 / 8)
 
     @cached_property
-    def bent(self) -> bool:
+    def is_bent(self) -> bool:
         """True if the acceleration bends the piece by more than a radius."""
         return self.sag(self.size) > self.piece.radius
 
@@ -175,7 +175,7 @@ class _Bend:
     def may_fall(self) -> bool:
         """True for a smooth piece that accelerates downward, or too little to be detected."""
         upright = float(np.arctan2(abs(self.pull[0]), self.pull[1])) < FLIGHTS.upright
-        return self.rms < self.smooth and (upright or not self.bent)
+        return self.rms < self.smooth and (upright or not self.is_bent)
 
     @cached_property
     def falls(self) -> bool:
@@ -186,10 +186,10 @@ class _Bend:
         # If gravity would be detectable, it must be there, although a wrong frame rate may make it
         # look larger or smaller.
         clear = len(self.t) >= 2 * GROWTH.least_places and self.size > 8 * self.u
-        return 0.5 < self.size / self.expected < 2.0 or (clear and self.bent)
+        return 0.5 < self.size / self.expected < 2.0 or (clear and self.is_bent)
 
     @cached_property
-    def slowed(self) -> float:
+    def drag_acceleration(self) -> float:
         """Acceleration that drag may cause at the mean speed of the piece [pixels/frame²]."""
         speed = float(np.hypot(*(self.piece.xy[-1] - self.piece.xy[0])) / np.ptp(self.t))
         drag = FLIGHT_FIT.drag * float(np.exp(3 * FLIGHT_FIT.drag_u))
@@ -203,7 +203,7 @@ class _Bend:
         # a ball in two colors may turn and change its color, but then its size must agree better
         if ratio > (GROWTH.size_ratio if alike else np.sqrt(GROWTH.size_ratio)):
             return False, False
-        room = max(FLIGHTS.pull_share * self.size, self.slowed, other.slowed)
+        room = max(FLIGHTS.pull_share * self.size, self.drag_acceleration, other.drag_acceleration)
         near = float(np.hypot(*(other.pull - self.pull))) < room
         fallen = other.t[:, None] ** 2 * self.pull / 2
         misfit = polynomial(other.t, other.piece.xy - fallen, 1)[2]
@@ -223,7 +223,7 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         if not one.falls:
             continue
         # leaves sail as one that is too short to show what it does
-        others = [each for each in bends if one.bent or each.falls]
+        others = [each for each in bends if one.is_bent or each.falls]
         shared = [(each.piece, *one.shares(each)) for each in others]
         like = [piece for piece, _, sure in shared if sure]
         loose = [piece for piece, may, sure in shared if may and not sure]

@@ -18,7 +18,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import UNREAD, UNSURE_RATE
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
-from virtual_lab.video.follow.correction import corrected, require_moving_object
+from virtual_lab.video.follow.correction import apply_correction, require_moving_object
 from virtual_lab.video.follow.doubts import (
     against_flights,
     against_gravity,
@@ -148,7 +148,7 @@ def follow_blobs(
     if knowledge.by_hand is None:
         return made(result)
     require_moving_object(watched.blobs, knowledge.by_hand)
-    track = made(corrected(result, knowledge.by_hand))
+    track = made(apply_correction(result, knowledge.by_hand))
     with suppress(InputError):  # a track that could not be used, and was corrected therefore
         track = replace(track, uncorrected=made(result))
     return track

@@ -46,7 +46,7 @@ def register(clip: Clip, watched: Watched, result: FlightsFound) -> tuple[Watche
         return watched, result
     blobs, ways = watched.blobs.copy(), []
     share = 0.0 if result.scene.pull is None else MOVED_U  # a fitted g has a larger u of its own
-    pictures = clip.chosen(np.concatenate([way.frames for way in result.ways]))
+    pictures = clip.numbered_frames(np.concatenate([way.frames for way in result.ways]))
     for way in result.ways:
         xy = _places(way, watched, clip, islice(pictures, len(way.t)))
         for axis, move in zip("xy", (xy - way.xy).T, strict=True):
@@ -76,7 +76,7 @@ def _places(
     off = (curve - middles) / shrink
     for _ in range(3):  # two more rounds change no result by more than its scatter
         balls = [
-            _moved(picture - behind * _outside(behind, at, radius), -at)
+            _translate(picture - behind * _outside(behind, at, radius), -at)
             for (picture, behind), at in zip(pairs, off, strict=True)
         ]
         light = np.mean(balls, axis=0)
@@ -118,7 +118,7 @@ def _outside(picture: Picture, at: Array, radius: float) -> Picture:
     return np.asarray(ndtr(_distance(picture, at) - radius))
 
 
-def _moved(picture: Picture, by: Array) -> Picture:
+def _translate(picture: Picture, by: Array) -> Picture:
     """Return a picture moved by (2,) pixels."""
     shift, size = np.column_stack([np.eye(2), by]), picture.shape[1::-1]
     moved = cv2.warpAffine(picture, shift, size, None, cv2.INTER_CUBIC, cv2.BORDER_REPLICATE)
@@ -127,7 +127,7 @@ def _moved(picture: Picture, by: Array) -> Picture:
 
 def _step(picture: Picture, behind: Picture, light: Picture, at: Array, radius: float) -> Array:
     """Return the step, (2,), toward the position at which the model fits the picture best."""
-    shown, own = _outside(behind, at, radius), _moved(light, at)
+    shown, own = _outside(behind, at, radius), _translate(light, at)
     away = _distance(picture, at)[..., 0] - radius
     near = (away < FAR_U) & (away > -radius / 2)  # farther inside a pattern turns with the ball
     rises = (np.gradient(each, axis=(1, 0)) for each in (shown, own))

@@ -49,7 +49,7 @@ class FlightScene:
         """Return gravity [px/frame²] for a ball of `radius` [pixels], None if it is unknown."""
         return self.fall and self.fall * (radius if self.in_radii else 1.0)
 
-    def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
+    def missing_frames(self, flights: Sequence[Piece]) -> dict[int, int]:
         """Return the number of missing frames before a frame, by the number of this frame.
 
         The dictionary is empty without flights, or if no frame is missing.

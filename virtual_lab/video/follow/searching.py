@@ -144,7 +144,7 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
     radius = float(np.median([each.radius for each in ways]))
     counts = np.array([len(each.t) for each in ways])
     lit = np.array([scene.blobs["lit"][each.blobs].mean() > 0.5 for each in ways])
-    spare = max(counts @ lit, counts @ ~lit) - 5 * len(ways) - len(scene.lost(ways))
+    spare = max(counts @ lit, counts @ ~lit) - 5 * len(ways) - len(scene.missing_frames(ways))
     return float(spare / (0.02 + fit.spread / radius))
 
 

@@ -124,7 +124,7 @@ def sharpen(
         words = "lens_blur_px (virtual-lab calibrate measures it)"
         key = words if lens is None else "exposure_s (the camera's own setting)"
         raise NotSharpError(f"the calibration file does not give {key}")
-    if calibration.timestamps is not None and (stepped := scene.lost(ways)):
+    if calibration.timestamps is not None and (stepped := scene.missing_frames(ways)):
         words = "the ball moves farther than the time stamps explain"
         raise NotSharpError(f"before frame {min(stepped)} {words}")
     blobs = watched.blobs[np.concatenate([way.blobs for way in ways])]
@@ -141,7 +141,7 @@ def sharpen(
     start = Located.start(places, radius, exposure / step * velocity)
     progress(f"locating the ball in {len(frames)} frames (its loops are compiled at the first use)")
     corners, side = squares(start, clip.shape)
-    pictures = zip(corners, clip.chosen(frames), strict=True)
+    pictures = zip(corners, clip.numbered_frames(frames), strict=True)
     regions = Regions(
         pixels=np.concatenate([cut(grey_of(frame), at[None], side) for at, (_, frame) in pictures]),
         background=cut(_background(clip, watched.blobs), corners, side),

@@ -60,7 +60,7 @@ class Pictures:
         """Yield the index and the scaled frame of each of the positions `places`."""
         rows, columns = (max(1, round(scale * each)) for each in self.clip.shape)
         numbers, light = self.places["frame"][places], self._light()
-        rest = self.clip.chosen(np.setdiff1d(numbers, [*self.thumbs]))
+        rest = self.clip.numbered_frames(np.setdiff1d(numbers, [*self.thumbs]))
         for number in np.unique(numbers):
             jpeg = self.thumbs.get(number)
             frame = next(rest)[1] if jpeg is None else cv2.imdecode(jpeg, cv2.IMREAD_UNCHANGED)

@@ -110,9 +110,9 @@ def track_document(track: FollowedClip) -> Row:
     * otherwise, if the ball was located sharply, the first and the second flight;
     * otherwise, neither.
     """
-    before, after = _hit(track)
+    before, after = _hit_flights(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
-    knowledge, lost = track.knowledge, sum(track.scene.lost(track.ways).values())
+    knowledge, lost = track.knowledge, sum(track.scene.missing_frames(track.ways).values())
     rate, rate_u = knowledge.rate, knowledge.rate * knowledge.rate_u
     document = {
         "clip": track.clip.source.path.name,
@@ -163,7 +163,7 @@ def _roll(track: FollowedClip) -> float | None:
     return float(np.arctan2(right, down) / DEGREE)
 
 
-def _hit(track: FollowedClip) -> list[Flight | None]:
+def _hit_flights(track: FollowedClip) -> list[Flight | None]:
     """Return the incoming and the outgoing flight as `track_document` defines them, or None."""
     if len(track.contacts) == 1:
         first = track.contacts[0].before
