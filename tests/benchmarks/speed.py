@@ -81,7 +81,7 @@ def _ours(setting: _Setting) -> Iterator[Row]:
     batch = struck(setting.model, scenes)
     times = in_turn(setting.works(), ROUNDS)
     us = {name: float(np.median(values)) / len(scenes) * 1e6 for name, values in times.items()}
-    followed, exact = (way.follow(batch) for way in (STEPPER, STEPPER.divided(12.0)))
+    followed, exact = (way.follow(batch) for way in (STEPPER, STEPPER.refine(12.0)))
     error = _error(batch, scenes, followed.states[:, -1], exact.states[:, -1])
     redone = f"{np.mean(followed.redone > 0):.2%} of the scenes again"
 
@@ -126,7 +126,7 @@ def _against(
     scenes = NARROW.draw(PEER_SCENES, SEED)
     batch = struck(ours.model, scenes)
     scaled = Scaled.of(batch)
-    exact = STEPPER.divided(12.0).follow(batch).states[:, -1]
+    exact = STEPPER.refine(12.0).follow(batch).states[:, -1]
     good: list[tuple[float, str, Peer]] = []
     try:
         for what, peer in peers():

@@ -47,7 +47,7 @@ def main() -> None:
 def _batches() -> Iterator[Batch]:
     for bat in ("r161", "ea70"):
         batch = struck(default_model(bat), WIDE.draw(SCENES, SEED))
-        yield batch, STEPPER.divided(12.0).follow(batch)
+        yield batch, STEPPER.refine(12.0).follow(batch)
 
 
 def _print(name: str, stepper: Stepper, batches: list[Batch]) -> None:

@@ -53,7 +53,7 @@ def test_the_default_notices_its_errors(rows: list[dict[str, Any]]) -> None:
 def test_scenes_have_the_contacts_of_their_column() -> None:
     for contacts in (1, 3):
         for model, scenes in maps._column(maps.CollisionAxis.CONTACTS, contacts):
-            exact = replace(model, stepper=STEPPER.divided(8.0)).collide(scenes)
+            exact = replace(model, stepper=STEPPER.refine(8.0)).collide(scenes)
             assert len(scenes) > 0
             assert (exact.contacts == contacts).all()
 

@@ -157,7 +157,7 @@ def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
         )
     # without residual flexibility, because the methods of scipy solve the model in this form
     bare = replace(default, stiff=default.stiff.above(default.stiff.count))
-    exact = _cache_exact(_of(replace(bare, stepper=STEPPER.divided(12.0))))
+    exact = _cache_exact(_of(replace(bare, stepper=STEPPER.refine(12.0))))
     for series, setting, model in _solvers(bare):
         dear = series is Series.SCIPY
         yield Point(
@@ -189,7 +189,7 @@ def _models(
 def _solvers(bare: ModalModel) -> Iterator[tuple[Series, str, CollisionModel]]:
     yield Series.STEPS, "default steps", bare
     for divisor in (2.0, 4.0):
-        stepper = STEPPER.divided(divisor)
+        stepper = STEPPER.refine(divisor)
         yield Series.STEPS, f"steps / {divisor:g}", replace(bare, stepper=stepper)
     methods: tuple[tuple[Method, float], ...] = (
         ("RK45", 1e-4),

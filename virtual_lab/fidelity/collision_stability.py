@@ -153,7 +153,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
 def _steppers() -> Iterator[tuple[str, Stepper]]:
     """Yield the name of each stepper, and the stepper."""
     for factor in FACTORS:
-        yield f"{factor:g}", OnePass().divided(1 / factor)
+        yield f"{factor:g}", OnePass().refine(1 / factor)
     yield SHIPPED, STEPPER
 
 
@@ -227,7 +227,7 @@ def _model(bat: str, support: str, count: int) -> ModalModel:
 def _exact(column: Column) -> ColumnOutcome | None:
     """Return the reference results of a column; None if the model rejects it."""
     try:
-        return _outcome(column, STEPPER.divided(4.0))
+        return _outcome(column, STEPPER.refine(4.0))
     except InputError:
         return None
 

@@ -89,10 +89,10 @@ def test_tip_hits_that_meet_twice_agree_with_the_reference() -> None:
 def test_steps_converge_at_order_six(exponent: float) -> None:
     modal, _ = both(WOOD, Free())
     scenes = usual(np.linspace(3, 8, 6), exponent=exponent)
-    exact = replace(modal, stepper=STEPPER.divided(12.0)).collide(scenes).collision_efficiency
+    exact = replace(modal, stepper=STEPPER.refine(12.0)).collide(scenes).collision_efficiency
     errors = [
         np.abs(
-            replace(modal, stepper=STEPPER.divided(n)).collide(scenes).collision_efficiency - exact
+            replace(modal, stepper=STEPPER.refine(n)).collide(scenes).collision_efficiency - exact
         ).max()
         for n in (1.0, 1.5)
     ]

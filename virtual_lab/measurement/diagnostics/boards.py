@@ -53,7 +53,7 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
         mask = evidence.reduced.valid & np.isfinite(deviation)
         mean, u, number = evidence.mean_of(deviation, mask)
         share, _, _ = evidence.mean_of(part, mask)
-        survey = _between(constants, board, last, np.where(number > 0, share, 0.5))
+        survey = _survey_u(constants, board, last, np.where(number > 0, share, 0.5))
         yield pairs(
             "boards-in-line",
             _board_sentence(board, direction, mean, mask, evidence),
@@ -76,7 +76,7 @@ def _board_sentence(
     )
 
 
-def _between(constants: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
+def _survey_u(constants: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
     """Return the uncertainty of a board's deviation that the survey of three boards causes."""
     variants = Variants.of({_distance(k): constants[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())

@@ -41,7 +41,7 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
         for direction in range(directions):
             rest, degrees = 0.0, 0
             for board in range(boards):
-                count, scale = _broken(edges[shot, direction, board], places, middles, squares)
+                count, scale = _collect(edges[shot, direction, board], places, middles, squares)
                 broken = places[:count], middles[:count], squares[:count]
                 times[shot, direction, board] = heights[shot, direction, board] = nan
                 heights_u[shot, direction, board] = nan
@@ -63,7 +63,7 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
 
 
 @njit(**INNER, fastmath=FAST, error_model="numpy")
-def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tuple[int, float]:
+def _collect(edges: Array, places: Array, middles: Array, squares: Array) -> tuple[int, float]:
     """Collect the broken beams with relative chords. Return their number and longest chord [s]."""
     count, longest = 0, 0.0
     for beam in range(len(edges)):

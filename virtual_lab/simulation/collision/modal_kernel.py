@@ -214,7 +214,7 @@ def _step_to(
 
 
 @njit(**PLAIN)
-def _passed(x: float, loading: bool, peak: float) -> int:
+def _passed_event(x: float, loading: bool, peak: float) -> int:
     """Return the event that an approach x has passed, if any."""
     if loading:
         return StepEnd.NONE
@@ -240,7 +240,7 @@ def _contact(
         if isnan(motion.x):
             break
         turned = before.rate * motion.rate < 0.0
-        event = StepEnd.TURN if turned else _passed(motion.x, loading, peak)
+        event = StepEnd.TURN if turned else _passed_event(motion.x, loading, peak)
         if loading and not turned and before.bend < 0.0 < motion.bend:
             jerk = (motion.bend - before.bend) / span
             counts[3] |= np.int64(motion.rate - 0.5 * motion.bend**2 / jerk < slow)
@@ -251,7 +251,7 @@ def _contact(
             if event != StepEnd.TURN:
                 break
             # after the turn, one step could hide a short excursion beyond the branch
-            event = _passed(motion.x, loading, peak)
+            event = _passed_event(motion.x, loading, peak)
         t += span
         step = min(h, LIMITS.growth * step)
         if event == StepEnd.RELEASE:

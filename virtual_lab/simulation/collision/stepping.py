@@ -116,7 +116,7 @@ class Stepper:
     # the same reload and agreed on an e_A that was wrong by 2.4e-6.
     finer: tuple[float, ...] = (3.0, 6.0, 12.0)
 
-    def divided(self, divisor: float) -> Self:
+    def refine(self, divisor: float) -> Self:
         """Return the method with steps divided by `divisor`."""
         steps = (self.mode_step, self.ball_step, self.flight_step)
         mode, ball, flight = (step / divisor for step in steps)
@@ -130,7 +130,7 @@ class Stepper:
             if not remaining.size:
                 break
             part, before = struck.part(remaining), final.part(remaining)
-            finer, _ = self.divided(divisor).one_pass(part, window)
+            finer, _ = self.refine(divisor).one_pass(part, window)
             finer.redone[:] = tries
             final.put(remaining, finer)
             near = np.abs(part.efficiency_gap(finer, before)) < STAYS  # False for NaN

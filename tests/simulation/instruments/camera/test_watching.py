@@ -87,7 +87,7 @@ def test_the_uncertainty_of_a_summed_record_is_the_fisher_bound() -> None:
     camera = camera_of(spec, QUIET)
     record, truth = camera.watch(course_of(), QUIET, "c", np.arange(SHOTS), RecordDetail.SUMMED)
     radius, blur = truth["frame_radius"][0, 0], truth["frame_blur"][0, 0]
-    behind, white = background(spec)[400, 640], spec.light.ball * spec.exposed
+    behind, white = background(spec)[400, 640], spec.light.ball * spec.electrons_per_rate
 
     def image(x: float, y: float) -> np.ndarray:
         middle = np.array([50 + x, 50 + y])

@@ -161,7 +161,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
             warp=frames.outlines.warp,
             view=frames.outlines.view,
         )
-        steady = balls.over(behind, spec.light.ball * spec.exposed)
+        steady = balls.over(behind, spec.light.ball * spec.electrons_per_rate)
         if bat is not None:
             self.put(bat, bat.angle(frames.shot, frames.time), corners, steady)
         return np.asarray(steady * frames.brightness[:, None, None], np.float32)
@@ -179,7 +179,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
             far,
             corners,
             np.array([*light.toward, light.ambient, light.softness]),
-            spec.light.ball * spec.exposed * spec.light.bat,
+            spec.light.ball * spec.electrons_per_rate * spec.light.bat,
             sqrt(spec.blur**2 + 1 / 12),
             electrons,
         )
@@ -248,8 +248,8 @@ class Camera(CalibratedInstrument[CameraSpec]):
         """
         spec, light = self.spec, self.light
         shine = light.ambient + (1 - light.ambient) * (light.softness / (1 + light.softness))
-        ball = spec.light.ball * spec.exposed * spec.ball.albedo * shine
-        behind = spec.light.background * spec.exposed
+        ball = spec.light.ball * spec.electrons_per_rate * spec.ball.albedo * shine
+        behind = spec.light.background * spec.electrons_per_rate
         across = NormalDist()
         edge = np.linspace(-3, 3, 31)  # distance from the edge [standard deviations of the blur]
         steep = np.array([across.pdf(z) ** 2 for z in edge])

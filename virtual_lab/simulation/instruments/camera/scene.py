@@ -53,7 +53,7 @@ def background(spec: CameraSpec) -> Pixels:
     y = (np.arange(sensor.rows) + 0.5) / sensor.rows - 0.5
     rise = light.slope[0] * x + light.slope[1] * y[:, None]
     rise = rise + 2 * light.bowl * (x**2 + y[:, None] ** 2)
-    return np.asarray(light.background * spec.exposed * (1 + rise), np.float32)
+    return np.asarray(light.background * spec.electrons_per_rate * (1 + rise), np.float32)
 
 
 def flicker(spec: CameraSpec, time: Array, phase: Array) -> Array:

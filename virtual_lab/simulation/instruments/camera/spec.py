@@ -175,7 +175,7 @@ class CameraSpec(CalibratedSpec):
         return self.lens.blur / self.sensor.pixel
 
     @property
-    def exposed(self) -> float:
+    def electrons_per_rate(self) -> float:
         """Electrons per frame for a rate of one photon per second on a pixel [e s]."""
         return self.sensor.quantum_efficiency * self.clock.exposure
 

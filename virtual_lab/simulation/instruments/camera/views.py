@@ -61,7 +61,7 @@ def board_views(
         orientation = rotation(is_tilted * LOOK.lean * 2 * lean[view]) @ DOWN
         up = np.array([LOOK.aside, LOOK.aside, LOOK.nearer]) * (shift[view] + [0.0, 0.0, 0.5])
         place = middle + is_tilted * up
-        albedo = _drawn(camera.lens, board, orientation, place, rays, float(blur))
+        albedo = _albedo(camera.lens, board, orientation, place, rays, float(blur))
         electrons = LOOK.lit * spec.sensor.full_well / LOOK.paper * albedo
         grey = camera.sensor.expose(
             electrons[None], [[0, 0]], draws, f"{name}.view", np.array([view]), spec.clock.exposure
@@ -69,7 +69,7 @@ def board_views(
         yield grey[0], board.corners() @ orientation.T + place
 
 
-def _drawn(
+def _albedo(
     lens: TrueLens, board: Board, orientation: Array, place: Array, rays: Array, blur: float
 ) -> Array:
     """Return the mean albedo in each pixel, (row, column)."""
