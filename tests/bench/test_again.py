@@ -53,7 +53,7 @@ def test_a_time_line_has_minutes_and_shots() -> None:
     assert seen.minute == pytest.approx(sum(event.seconds for event in day.events[:12]) / 60)
     assert (named.entry, named.shots, acted.entry) == (21, 1, 22)
     assert review.expert.seen
-    assert "1 shots later" in review.yours.between
+    assert "1 shots later" in review.yours.delay
     page = debrief_page(closing, linked=True)
     assert '<a href="/replay?entry=12">entry 12</a>' in page
     assert "/replay" not in debrief_page(closing)

@@ -128,7 +128,7 @@ class Door:
             del self.codes[token]
         for earlier in [session for session, occupied in self.seats.items() if occupied is seat]:
             del self.seats[earlier]  # the earlier browser must not continue
-            self.replaced(seat)
+            self.note_replacement(seat)
         session = secrets.token_urlsafe(32)
         self.seats[session] = seat
         to = request.url.path if request.url.path in self.starts else "/"
@@ -142,7 +142,7 @@ class Door:
         """Return whether the token of a seat stays valid after its first use."""
         return False
 
-    def replaced(self, seat: Seat) -> None:
+    def note_replacement(self, seat: Seat) -> None:
         """Take note that a second browser took a seat from the first one."""
 
     def refuse_seat(self, request: Request) -> Response | None:

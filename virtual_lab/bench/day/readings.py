@@ -165,7 +165,7 @@ def _row(
     )
 
 
-def _beyond(fault: str) -> float:
+def _limit(fault: str) -> float:
     return detectable()[fault].beyond
 
 
@@ -193,7 +193,7 @@ def _bench(desk: Desk) -> Iterator[CheckRow]:
         u = 1e3 * hypot(
             calibration["bench.scale.zero"].u, calibration["bench.scale.resolution"].value
         )
-        least = 800 * (1 - _beyond("bat-ounces-as-grams"))
+        least = 800 * (1 - _limit("bat-ounces-as-grams"))
         yield _row("bat-ounces-as-grams", bat, _mean(bat), None, u, low=least)
     if length and balance and balance.arguments["end"] == "tip":
         length_mm, fault = _mean(length), "balance-from-knob"
@@ -201,7 +201,7 @@ def _bench(desk: Desk) -> Iterator[CheckRow]:
             calibration["bench.stand.offset"].u, calibration["bench.stand.resolution"].value
         )
         share = _mean(balance) / length_mm
-        yield _row(fault, balance, share, None, u / length_mm, high=_beyond(fault))
+        yield _row(fault, balance, share, None, u / length_mm, high=_limit(fault))
 
 
 def _pendulum(desk: Desk) -> Iterator[CheckRow]:
@@ -241,7 +241,7 @@ def _repeated_wall_hits(desk: Desk) -> Iterator[CheckRow]:
         # an upper bound: repeats of one ball scatter less
         u = _lot_scatter(morning) / sqrt(today.size)
         ratio = float(np.mean(today / before))
-        yield _row("wrong-lot", event, ratio, 1.0, u, high=1 + _beyond("wrong-lot"))
+        yield _row("wrong-lot", event, ratio, 1.0, u, high=1 + _limit("wrong-lot"))
 
 
 def _pivot(desk: Desk) -> Iterator[CheckRow]:
@@ -264,13 +264,13 @@ def _lot(desk: Desk) -> Iterator[CheckRow]:
     if weighed:
         usual = 1e3 * (windows.ball_mass_low + windows.ball_mass_high) / 2
         u = 1e3 * desk.session.calibration["bench.scale.resolution"].value
-        least = usual * (1 - _beyond("ounces-as-grams"))
+        least = usual * (1 - _limit("ounces-as-grams"))
         yield _row("ounces-as-grams", weighed, _mean(weighed), usual, u, low=least)
     if hit:
         ratios = np.array([value for _, value in _numbers(hit)])
         ratios[[ball for ball in desk.day.retired if ball < ratios.size]] = np.median(ratios)
         middle, worst = float(np.median(ratios)), int(ratios.argmin())
-        u, least = _lot_scatter(hit) * middle, middle * (1 - _beyond("ball-worn-out"))
+        u, least = _lot_scatter(hit) * middle, middle * (1 - _limit("ball-worn-out"))
         yield _row("ball-worn-out", hit, ratios[worst], middle, u, worst + 1, low=least)
 
 
@@ -311,16 +311,16 @@ def _paper(desk: Desk) -> Iterator[CheckRow]:
             float(np.std(positions, ddof=1) / sqrt(positions.size)) if positions.size > 1 else 0.0
         )
         fault, u = f"aim-{direction}", 1e3 * hypot(aim.u, scatter, 1e-4)
-        mean, tolerance = values[f"mean {direction}"], _beyond(f"aim-{direction}") * diameter
+        mean, tolerance = values[f"mean {direction}"], _limit(f"aim-{direction}") * diameter
         yield _row(fault, event, mean, 1e3 * aim.value, u, tolerance=tolerance)
 
 
 def _cylinder(desk: Desk) -> Iterator[CheckRow]:
     for name, event, today, chart, sd in _chart_values(desk, "fire-check-cylinder"):
         if name.startswith("rotation"):
-            half = today < chart * (1 - _beyond("encoder-half-counts"))
+            half = today < chart * (1 - _limit("encoder-half-counts"))
             fault = "encoder-half-counts" if half else "bearing-friction"
-            least = chart * (1 - _beyond("bearing-friction"))
+            least = chart * (1 - _limit("bearing-friction"))
             yield _row(fault, event, today, chart, sd, low=least)
 
 
@@ -328,7 +328,7 @@ def _taps(desk: Desk) -> Iterator[CheckRow]:
     taps = [e for e in desk.day.events if e.action == "tap-bat" and e.number not in desk.day.struck]
     if len(taps) > 1:
         first, last = (float(event.shown[0][1]) for event in (taps[0], taps[-1]))
-        u, least = sqrt(2) * action_table().consequences.tap_u, 1 - _beyond("bat-cracked")
+        u, least = sqrt(2) * action_table().consequences.tap_u, 1 - _limit("bat-cracked")
         yield _row("bat-cracked", taps[-1], last, first, u, low=first * least)
 
 
@@ -354,14 +354,14 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
     speeds = speeds[np.isfinite(speeds)]
     if speeds.size:
         fault, middle = "cannon-slow", float(np.median(speeds))
-        u, least = _scatter(fault) * tolerance, nominal - _beyond(fault) * tolerance
+        u, least = _scatter(fault) * tolerance, nominal - _limit(fault) * tolerance
         yield _row(fault, last, middle, nominal, u, low=least)
     recoil, rate_limit = readings.recoil, desk.rules.spec.windows.rate_before
     if recoil is not None and rate_limit and waited["wait-rest"]:
         turn = desk.session.calibration["impact.encoder.counts_per_turn"].value / tau
         rate = float(np.median(np.abs(recoil.before[waited["wait-rest"]]))) / turn
         fault = "bat-not-at-rest"
-        u, most = _scatter(fault) * rate_limit, _beyond(fault) * rate_limit
+        u, most = _scatter(fault) * rate_limit, _limit(fault) * rate_limit
         yield _row(fault, last, rate, 0.0, u, high=most)
     if recoil is not None and len(fired) - since >= ROUGH_SHOTS:
         rough = recoil.residual[since:]
@@ -369,7 +369,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
             ("encoder-slip", float(np.ptp(rough)), 0.0),
             ("encoder-play", float(rough.min()), COUNTING),
         ):
-            yield _row(fault, last, number, at, _scatter(fault), high=_beyond(fault))
+            yield _row(fault, last, number, at, _scatter(fault), high=_limit(fault))
 
 
 def shots_before_repair(desk: Desk) -> int:
@@ -425,7 +425,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     """
     passages = blocking_times(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]
-    early = ratio > 1 + _beyond("sabot-trip")
+    early = ratio > 1 + _limit("sabot-trip")
     if isinstance(record, BoardRecord):  # sabots shed a fragment now and then on any day
         most, words = (
             max(2.0, SCRAPS * early.size),
@@ -438,11 +438,11 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     first, last = float(np.nanmax(ratio)), float(np.nanmin(ratio))
     usual = "ball-out-of-round"
     for fault, word, number, struck in (
-        ("sabot-trip", "largest", first, first > 1 + _beyond("sabot-trip")),
-        ("gate-doubles", "smallest", last, last < 1 / (1 + _beyond("gate-doubles"))),
+        ("sabot-trip", "largest", first, first > 1 + _limit("sabot-trip")),
+        ("gate-doubles", "smallest", last, last < 1 / (1 + _limit("gate-doubles"))),
     ):
         shot = shots.start + int(np.nanargmin(np.abs(ratio - number))) + 1
-        row = _row(usual, event, number, 1.0, _scatter(usual), word, shot, tolerance=_beyond(usual))
+        row = _row(usual, event, number, 1.0, _scatter(usual), word, shot, tolerance=_limit(usual))
         yield replace(row, fault=fault) if struck else row
 
 

@@ -78,12 +78,12 @@ class CheckStandards:
         )
         today, before = (
             1e6 * (instrument_of(each.stations[Stage.IMPACT], "gates").clock - 1)
-            for each in (self.laboratory, self._sound)
+            for each in (self.laboratory, self._sound_laboratory)
         )
         return _chart_rows(CLOCK, today + 1e6 * errors[-1], before + 1e6 * errors[:DAYS], 1, "ppm")
 
     @cached_property
-    def _sound(self) -> Laboratory:
+    def _sound_laboratory(self) -> Laboratory:
         """The laboratory on the earlier days, without faults."""
         return reopen_with(self.laboratory, FaultSet())
 
@@ -96,7 +96,7 @@ class CheckStandards:
         """
         hits = action_table().consequences.check_hits
         today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
-        chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
+        chart = hit(self._sound_laboratory, FIRST_SLOT, hits * DAYS)
         rows: list[tuple[str, float | str, str]] = []
         for name, values in today.items():
             if not np.isfinite(values).any():

@@ -74,7 +74,7 @@ class TimeLine:
     acted: Moment | None
 
     @property
-    def between(self) -> str:
+    def delay(self) -> str:
         """Time and shots from the first visible sign of the fault until it was named, in words.
 
         The string is empty if the fault never became visible or was never named.

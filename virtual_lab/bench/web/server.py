@@ -388,7 +388,7 @@ class ExamDoor(door.Door):
         """Return whether the token of a seat stays valid: it does for a trainee."""
         return seat.day is not None
 
-    def replaced(self, seat: Any) -> None:
+    def note_replacement(self, seat: Any) -> None:
         """Take note that a trainee continues in another browser."""
         self.hall.join_again(seat.day)
 
