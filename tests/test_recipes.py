@@ -448,13 +448,14 @@ text = STUDY.replace("gain.toml", "astm-f1881").replace("lot]", "calibration]")
 number = '{ value = 0.05, unit = "1", source = "assumed", verified = false }'
 Path("moon.toml").write_text(f"{text}[factors.moon]\npull = {number}\n")
 study = read_interlab(Path("moon.toml"))
-assert study.spec.named == ("calibration", "moon") and "-moon" not in study.spec.varied
+assert study.spec.varied_factors == ("calibration", "moon")
+assert "-moon" not in study.spec.varied_streams
 (sheet,) = sheets_of(study, "astm-f1881", ["moon"]).values()
 assert tomllib.loads(sheet)["stiffness_spread"]["value"] == 0.05
 rows = {row.term: row.predicted for row in vl.interlab("moon.toml", predict=True)}
 assert abs(rows["moon"] - 0.005) < 1e-12
 Path("moonless.toml").write_text(text)
-assert "-moon" in read_interlab(Path("moonless.toml")).spec.varied
+assert "-moon" in read_interlab(Path("moonless.toml")).spec.varied_streams
 """
 
 

@@ -210,9 +210,9 @@ class Sheet:
             for name, each in value.items():
                 self._set(inner, [name], f"{key}.{name}", each)
         else:
-            document[last] = self._written(old, key, value)
+            document[last] = self._as_in_file(old, key, value)
 
-    def _written(self, old: Any, key: str, value: Any) -> Any:
+    def _as_in_file(self, old: Any, key: str, value: Any) -> Any:
         """Return a new value in the form in which a file states it."""
         provenance = {"source": CHANGED, "verified": False}
         if isinstance(value, bool) or (isinstance(value, str) and isinstance(old, str)):

@@ -277,7 +277,7 @@ def test_a_factor_that_is_left_out_stays_nominal(study: Path) -> None:
     factors = Factors(lot=LotFactor())
     spec = replace(entry.spec, exercises=1, factors=factors)
     play = Play(study=replace(entry, spec=spec), bat="ea70", procedure="astm-f1881")
-    with play.round_robin((), spec.varied) as shared:
+    with play.round_robin((), spec.varied_streams) as shared:
         first, second = (shared.laboratory(3, number) for number in (1, 2))
     for stage in (Stage.BENCH, Stage.BALLS, Stage.IMPACT):
         assert first.stations[stage].true_constants == second.stations[stage].true_constants

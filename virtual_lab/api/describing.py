@@ -70,7 +70,7 @@ class ParameterDescription:
         return self.rule.unit or (stated[1] if stated and self.rule.kind == "number" else "")
 
     @property
-    def signed(self) -> inspect.Parameter:
+    def signature_parameter(self) -> inspect.Parameter:
         """The parameter of the signature."""
         kind = (
             inspect.Parameter.KEYWORD_ONLY
@@ -92,7 +92,7 @@ class Description:
     @cached_property
     def signature(self) -> inspect.Signature:
         """The signature of the function."""
-        signed = [each.signed for each in self.parameters.values()]
+        signed = [each.signature_parameter for each in self.parameters.values()]
         if self.more:
             place = sum(not each.keyword for each in self.parameters.values())
             annotation = signed[place - 1].annotation
@@ -208,18 +208,18 @@ def _rule(annotation: ast.expr | None) -> ParameterRule:
         case ast.Name(name) if name in BY_NAME:
             return BY_NAME[name]
         case ast.Name(name):
-            return rule_of(_imported(name))
+            return rule_of(_value_of_name(name))
     return ANYTHING
 
 
-def _imported(name: str) -> Any:
+def _value_of_name(name: str) -> Any:
     """Return the value called `name` in the modules of types, or None."""
     values = (getattr(module, name, None) for module in map(import_module, TYPES))
     return next((each for each in values if each is not None), None)
 
 
 def _value(default: ast.expr) -> Any:
-    constant = _imported(default.id) if isinstance(default, ast.Name) else None
+    constant = _value_of_name(default.id) if isinstance(default, ast.Name) else None
     if constant is not None:
         return constant
     try:

@@ -39,7 +39,7 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
     def call(*positional: Any, **named: Any) -> Any:
         from virtual_lab import catalog
 
-        bound = _bound(name, description, positional, named)
+        bound = _bind(name, description, positional, named)
         request, store = dict(bound.arguments), Store()
         for key, value in bound.arguments.items():
             if value is not description.parameters[key].default:
@@ -93,7 +93,7 @@ def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, seale
     return replace(result, settings=settings_text(call, arguments, sealed=sealed))
 
 
-def _bound(
+def _bind(
     name: str, description: Description, positional: Sequence[Any], named: Mapping[str, Any]
 ) -> inspect.BoundArguments:
     """Return a call's arguments, keyed by name. Raises `InputError` for missing or unknown ones."""

@@ -60,14 +60,14 @@ def _with(which: str, name: str) -> Getter:
 
 
 def _gate_time(direction: int, first: int, last: int) -> Getter:
-    def between(certification: Certification) -> Any:
+    def read_time(certification: Certification) -> Any:
         flights = certification.readings.flights
         if not isinstance(flights, GateReadings):
             return None
         times = flights.passages.times[:, direction]
         return times[:, last] - times[:, first]
 
-    return between
+    return read_time
 
 
 def _speed_u(name: str) -> Getter:

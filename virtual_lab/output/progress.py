@@ -80,7 +80,7 @@ class _Status:
             self.since, self.first, self.steady = time.monotonic(), done, not is_new
         self.text, self.done, self.total = text, done, total
 
-    def _left(self, elapsed: float) -> str:
+    def _time_left(self, elapsed: float) -> str:
         """Return the time left in words, empty if nothing was counted in `elapsed` seconds."""
         done = self.done - self.first
         if not (self.total and done):
@@ -108,7 +108,7 @@ class _Status:
                 prefix=self.text,
                 ascii=plain,
                 bar_format=counted if self.total else "{desc}, {elapsed}{postfix}",
-                postfix=", ".join(filter(None, (self._left(elapsed), _compilation()))),
+                postfix=", ".join(filter(None, (self._time_left(elapsed), _compilation()))),
                 initial=self.first,
             )
         )

@@ -250,7 +250,7 @@ class CertificateReport(StudyResult):
         (folder / "report.svg").write_text(self.svg, encoding="utf-8")
         (folder / "report.html").write_text(self.page, encoding="utf-8")
         if self.pdf:
-            (folder / "report.pdf").write_bytes(self._set())
+            (folder / "report.pdf").write_bytes(self._typeset())
 
     @property
     def page(self) -> str:
@@ -280,7 +280,7 @@ class CertificateReport(StudyResult):
         ]
         return heads, cells
 
-    def _set(self) -> bytes:
+    def _typeset(self) -> bytes:
         from importlib.resources import files
 
         typst = of_extra("typst", "pdf", "a report as PDF")

@@ -116,7 +116,7 @@ class Inputs:
         return values
 
     @property
-    def joined(self) -> set[str]:
+    def correlated_names(self) -> set[str]:
         """Names of the correlated sources."""
         return {name for joint in self.joints for name in joint.names}
 

@@ -67,7 +67,7 @@ def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
     """
     draws = {}
     for name, source in inputs.sources.items():
-        if name not in inputs.joined:
+        if name not in inputs.correlated_names:
             x = source.law.draw(generator(seed, name, block), BLOCK, source.shape)
             x *= source.scale
             x += source.estimate.value
@@ -309,7 +309,7 @@ def _require_drawable(inputs: Inputs) -> None:
 
 
 def _draw_dof(inputs: Inputs) -> Iterator[float]:
-    joined = inputs.joined
+    joined = inputs.correlated_names
     yield from (joint.draw_dof for joint in inputs.joints)
     for name, source in inputs.sources.items():
         if name not in joined and source.law is LAWS["t"]:

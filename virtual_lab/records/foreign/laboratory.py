@@ -101,7 +101,7 @@ def _record(entry: Any, name: tuple[str, str], folder: Path, form: LaboratoryFor
 def _read_form(path: Path) -> LaboratoryForm:
     text = read_text(path)
     document = parse_toml(text, str(path))
-    unfilled, allowed = list(_unfilled(text)), f"not filled in yet ({BLANK!r})"
+    unfilled, allowed = list(_unfilled_lines(text)), f"not filled in yet ({BLANK!r})"
     if len(unfilled) == 1:
         raise InputError(str(path), unfilled[0], None, allowed)
     if unfilled:
@@ -110,7 +110,7 @@ def _read_form(path: Path) -> LaboratoryForm:
     return validate(document, str(path), LaboratoryForm)
 
 
-def _unfilled(text: str) -> Iterator[str]:
+def _unfilled_lines(text: str) -> Iterator[str]:
     """Yield number and key of each line of a form with a value that is not filled in."""
     table = ""
     for number, line in enumerate(text.splitlines(), 1):

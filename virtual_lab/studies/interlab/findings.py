@@ -207,7 +207,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
     for result, predicted in predictions.items():
         values, u = printed.in_unit(exercises[result])
         precision = _precision(values)
-        s_R = _pooled(precision)["s_R"]
+        s_R = _pooled_sds(precision)["s_R"]
         like = predicted[ALL]
         effects = {name: printed.in_unit(each[result]) for name, each in alone.items()}
         rows = [
@@ -256,7 +256,7 @@ def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
                 simulated_se=None,
                 agrees=None,
                 factor_spread=_spread(play, name),
-                source=_known(play, name),
+                source=_sources(play, name),
             )
             for name, effect in effects.items()
         }
@@ -315,7 +315,7 @@ def _variances(precision: NestedStudy) -> dict[str, Array]:
     return parts | {"s_R": sum(parts.values(), np.zeros(precision.mean.shape))}
 
 
-def _pooled(precision: NestedStudy) -> dict[str, float]:
+def _pooled_sds(precision: NestedStudy) -> dict[str, float]:
     """Return standard deviations by term, computed from the mean variances of all exercises."""
     variances = {term: max(float(each.mean()), 0.0) for term, each in _variances(precision).items()}
     variances["s_R"] = sum(variances.values()) - variances["s_R"]
@@ -328,7 +328,7 @@ def _sds(
     """Return the rows of s_lot, s_L, s_r and s_R; `like` names the result."""
     count, variances = precision.mean.size, _variances(precision)
     rows = []
-    for term, sd in _pooled(precision).items():
+    for term, sd in _pooled_sds(precision).items():
         u = None
         if count > 1 and sd:
             u = float(variances[term].std(ddof=1)) / sqrt(count) / (2 * sd)
@@ -353,7 +353,7 @@ def _consistency(name: str, unit: str, study: NestedStudy) -> str:
         kind = "an outlier" if value > limit(OUTLIER) else "a straggler"
         said = f", a {what} is {kind}" if value > limit(STRAGGLER) else ""
         texts.append(f"{test} {value:.2f} (5 %: {limit(STRAGGLER):.2f}){said}")
-    apart = with_unit(APART * _pooled(study)["s_R"], unit, ".3g")
+    apart = with_unit(APART * _pooled_sds(study)["s_R"], unit, ".3g")
     return (
         f"{name}: single tests of two laboratories differ by less than {apart} in 95 % of cases "
         f"({APART:.1f} s_R).\nIts first exercise: {'; '.join(texts)}."
@@ -384,7 +384,7 @@ def _spread(play: Play, factor: str) -> str:
     return ", ".join(text.removesuffix(" 1") for text in texts)
 
 
-def _known(play: Play, factor: str) -> str:
+def _sources(play: Play, factor: str) -> str:
     if factor == "calibration":
         return "data sheets of the instruments"
     numbers = [datum for _, datum in _numbers(play, factor)]

@@ -40,7 +40,7 @@ class Play:
         """Factors of the study that affect the procedure; the clamp only affects recoil."""
         rules = catalog.load("procedures", self.procedure, Procedure).spec
         clamped = rules.reads == "recoil"
-        return tuple(name for name in self.study.spec.named if clamped or name != "clamp")
+        return tuple(name for name in self.study.spec.varied_factors if clamped or name != "clamp")
 
     @contextmanager
     def round_robin(self, factors: Sequence[str], varied: tuple[str, ...]) -> Iterator[RoundRobin]:
@@ -63,7 +63,7 @@ class Play:
     def nominal_test(self) -> NominalTest:
         """Return the nominal test, with the study's numbers of lots and store."""
         study = self.study.spec
-        nominal = [name for name in study.named if name not in ("wall", "clamp")]
+        nominal = [name for name in study.varied_factors if name not in ("wall", "clamp")]
         with self.round_robin(nominal, ()) as shared:
             setup = replace(shared.setup, seed=study.seed, number=np.zeros(1, int))
             tested = certify_block(setup)
@@ -110,7 +110,7 @@ class Play:
         study = self.study.spec
         shape = study.exercises, study.laboratories, study.lots, study.repeats
         tests = []
-        with self.round_robin(study.named, study.varied) as shared:
+        with self.round_robin(study.varied_factors, study.varied_streams) as shared:
             for number in range(study.lots * study.repeats):
                 lot = number // study.repeats
                 setup = replace(shared.setup, test=first_test + number, lot=lot)

@@ -192,18 +192,18 @@ class InterlabStudy(Spec):
         catalog.require_own_names("procedures", self.procedures)
         if self.alone == 1:
             raise ValueError("alone = 1 shows no scatter; allowed: 0, or at least 2")
-        if not self.named:
+        if not self.varied_factors:
             raise ValueError(f"factors: none is named; allowed: {', '.join(FACTORS)}")
 
     @property
-    def named(self) -> tuple[str, ...]:
+    def varied_factors(self) -> tuple[str, ...]:
         """Names of the factors that vary."""
         return tuple(name for name in FACTORS if getattr(self.factors, name))
 
     @property
-    def varied(self) -> tuple[str, ...]:
+    def varied_streams(self) -> tuple[str, ...]:
         """Patterns of all random numbers, without the numbers of factors that are not named."""
-        unnamed = (factor for name, factor in FACTORS.items() if name not in self.named)
+        unnamed = (factor for name, factor in FACTORS.items() if name not in self.varied_factors)
         fixed = chain.from_iterable(factor.streams for factor in unnamed)
         return ("*", *(f"-{name}" for name in fixed))
 

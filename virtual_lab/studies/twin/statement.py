@@ -86,7 +86,7 @@ class Statement:
         }
 
     @property
-    def replayed(self) -> bool:
+    def has_full_records(self) -> bool:
         """Whether the records hold every edge and count."""
         records = self.session.records["impact"].values()
         return not any(isinstance(each, PassageRecord | RateRecord) for each in records)

@@ -209,14 +209,14 @@ def twin(
     rows, invalid = compare_quantities(certification, playing, days, progress)
     noticed: list[NoticedFault] = []
     if faults:
-        if not statement.replayed:
+        if not statement.has_full_records:
             allowed = "needs records of every edge and count"
             raise InputError("", "faults", None, allowed)
         assert certification.metric is not None
         noticed = noticed_faults(playing, certification.metric.u, progress)
     readings: list[TwinReading] = []
     played = 0
-    if full_days and statement.replayed:
+    if full_days and statement.has_full_records:
         readings, played = differing_readings(certification, playing, full_days, progress)
     return Twin(
         bat=certification.session.bat,
