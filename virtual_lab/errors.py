@@ -26,7 +26,7 @@ PARAMETER = re.compile(r"\{([a-z_]+)(?:=([^{}]*))?\}")  # {fps} or {fps=240} in 
 naming: ContextVar[Callable[[str, str], str]] = ContextVar("naming", default=_in_python)
 
 
-def worded(text: str) -> str:
+def name_parameters(text: str) -> str:
     """Return a message with each parameter in braces as the present user states it.
 
     ``{fps=240}`` becomes ``fps=240`` in Python. Where another function is set as `naming`, it
@@ -39,15 +39,15 @@ class InputError(ValueError):
     """Input that cannot be used. The message is one line that tells the user how to correct it.
 
     If `allowed` contains `LISTED`, further lines list the places to correct. A parameter in braces,
-    in `key` or `allowed`, is written as `worded` writes it.
+    in `key` or `allowed`, is written as `name_parameters` writes it.
     """
 
     def __init__(self, where: str, key: str, value: object, allowed: str) -> None:
         self.where, self.key, self.value, self.allowed = where, key, value, allowed
         parts = [str(where)] if where else []
-        name = worded(key).rstrip("=")
+        name = name_parameters(key).rstrip("=")
         parts.append(f"{name} = {_short(value)}" if value is not None else name)
-        super().__init__(f"{': '.join(parts)}; {worded(allowed)}")
+        super().__init__(f"{': '.join(parts)}; {name_parameters(allowed)}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Return type and arguments of the error, so that another process can raise it."""

@@ -11,7 +11,7 @@ import pytest
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.commands.wording import parameters_named, shell_name
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError, name_parameters
 
 ADVICE = "give {fps=240}, {ball_at=X,Y@FRAME} or {global_shutter}; not {'a': 1} and {Upper}"
 
@@ -19,14 +19,14 @@ ADVICE = "give {fps=240}, {ball_at=X,Y@FRAME} or {global_shutter}; not {'a': 1} 
 def test_the_same_message_in_python_and_at_the_shell() -> None:
     in_python = "give fps=240, ball_at='X,Y@FRAME' or global_shutter=; not {'a': 1} and {Upper}"
     at_shell = "give --fps 240, --ball-at X,Y@FRAME or --global-shutter; not {'a': 1} and {Upper}"
-    assert worded(ADVICE) == in_python
+    assert name_parameters(ADVICE) == in_python
     fault = InputError("clip.mp4", "{readout}", "8ms", ADVICE)
     assert str(fault) == f"clip.mp4: readout = '8ms'; {in_python}"
     with parameters_named(shell_name):
-        assert worded(ADVICE) == at_shell
+        assert name_parameters(ADVICE) == at_shell
         copied = pickle.loads(pickle.dumps(fault))  # as from another process
     assert str(copied) == f"clip.mp4: --readout = '8ms'; {at_shell}"
-    assert worded(ADVICE) == in_python
+    assert name_parameters(ADVICE) == in_python
 
 
 def test_an_error_of_a_function_speaks_the_language_of_its_caller(

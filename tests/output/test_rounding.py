@@ -6,9 +6,9 @@ import pytest
 
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.rounding import (
-    beyond,
     decimals,
     digits,
+    limit_message,
     with_axis_unit,
     with_uncertainty,
     with_unit,
@@ -50,7 +50,7 @@ def test_an_uncertainty_has_two_digits_and_its_value_the_same_place(
     ],
 )
 def test_a_value_beyond_its_limit_looks_so(value: float, shown: str) -> None:
-    assert beyond("{0:.{d}f} of {1:.{d}f} to {2:.{d}f}", value, 3.0, 12.0, 1) == shown
+    assert limit_message("{0:.{d}f} of {1:.{d}f} to {2:.{d}f}", value, 3.0, 12.0, 1) == shown
 
 
 @pytest.mark.parametrize("u", [0.0, 9.6e-17, 5.0e-14])
@@ -87,6 +87,6 @@ def test_a_speed_is_printed_in_both_units() -> None:
     assert with_unit(60.0, "mph", ".2f") == "60.00 mph (26.82 m/s)"
     assert with_unit(26.8224, "m/s", ".2f") == "26.82 m/s (60.00 mph)"
     assert (with_unit(0.5, "", ".2f"), with_unit(0.5, "m", ".1f")) == ("0.50", "0.5 m")
-    assert beyond("{0:.{d}f} mph ({3:.{d}f} m/s)", 60.0, 0, 50, 1) == "60.0 mph (26.8 m/s)"
+    assert limit_message("{0:.{d}f} mph ({3:.{d}f} m/s)", 60.0, 0, 50, 1) == "60.0 mph (26.8 m/s)"
     assert with_axis_unit("v_f", "mph") == "v_f, mph (1 mph = 0.447 m/s)"
     assert with_axis_unit("e", "") == "e"

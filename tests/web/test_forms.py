@@ -20,7 +20,7 @@ from virtual_lab.commands.call import bind
 from virtual_lab.commands.lines import shell_words
 from virtual_lab.commands.table import every_command
 from virtual_lab.commands.wording import parameters_named
-from virtual_lab.errors import worded
+from virtual_lab.errors import name_parameters
 from virtual_lab.page.fields import form_values
 from virtual_lab.page.wording import WORDS, field_name, texts
 
@@ -145,7 +145,7 @@ def test_uncertainties_may_be_typed_with_plus_and_minus() -> None:
 
 def test_a_message_names_a_field_and_a_value_but_no_pattern() -> None:
     with parameters_named(field_name):
-        message = worded("use {fps=240} or {ball_at=X,Y@FRAME}")
+        message = name_parameters("use {fps=240} or {ball_at=X,Y@FRAME}")
     assert message == "use “Frame rate” = 240 or “The ball in one frame”"
 
 

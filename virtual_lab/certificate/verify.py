@@ -48,7 +48,7 @@ from virtual_lab.certificate.seal import SEAL
 from virtual_lab.certificate.seal import TRUTH as TRUTH_FILE
 from virtual_lab.certificate.signing import SIGNATURE, SUMS, compared_sums, signature_fault
 from virtual_lab.certificate.tables import shots_as_columns
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError, name_parameters
 from virtual_lab.files import contents, litter, read_bytes, read_json, read_toml
 from virtual_lab.files.folders import ResultFolder
 from virtual_lab.files.tables import csv_text
@@ -202,7 +202,7 @@ def verify(folder: ResultFolder, *, key: File | None = None) -> Verification:
     if (folder / FILM).is_dir() and signature != "valid":
         unchecked.append(f"{FILM}: the film of a shot cannot be compared with any record")
     if (folder / SIGNATURE).exists() and key is None:
-        needed = worded("needs the public key ({key})")
+        needed = name_parameters("needs the public key ({key})")
         unchecked.append(f"{SIGNATURE}: checking the signature {needed}")
     return Verification(
         folder=str(folder),

@@ -65,7 +65,7 @@ from virtual_lab.measurement.session_reduction import (
     reduce_block,
 )
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.rounding import beyond, decimals
+from virtual_lab.output.rounding import decimals, limit_message
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import Budget, Budgets, Variants, means_of_hits
@@ -467,7 +467,7 @@ def _invalidating(
         stated = printed.text(lambda size: "{0:.{d}f}" if size == printed.unit_si else "{3:.{d}f}")
         allowed = printed.text(lambda size: f"{most / size:.3g}")
         text = f"the u of {printed.symbol} is {stated}, allowed up to {allowed}"
-        return beyond(text, u, -inf, printed.in_unit(most), decimals(u))
+        return limit_message(text, u, -inf, printed.in_unit(most), decimals(u))
 
     yield Reason(Verdict.INVALID, has_result & ~(metric_u <= most), too_large)
     for name, where in checked.voids.items():

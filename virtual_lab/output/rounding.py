@@ -72,7 +72,7 @@ def with_axis_unit(name: str, unit: str) -> str:
     return f"{name}, {unit}{f' (1 mph = {MPH:.3f} m/s)' if unit == 'mph' else ''}".rstrip(", ")
 
 
-def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
+def limit_message(text: str, value: float, low: float, high: float, places: int) -> str:
     """Return a message about a value outside its limits.
 
     The message has enough decimals that the printed value is also outside the printed limits.

@@ -10,7 +10,7 @@ from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.catalog.reading import DATA
 from virtual_lab.commands.call import field_of
 from virtual_lab.commands.command import Command
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError, name_parameters
 from virtual_lab.files import parse_toml
 from virtual_lab.parameters import ParameterRule
 
@@ -62,7 +62,7 @@ def refusal(command: Command, fault: InputError, values: Mapping[str, Any]) -> t
 
     It is the field that the error names, or the one of whose `values` is the file in the error.
     """
-    key, allowed = field_of(command, fault), worded(fault.allowed)
+    key, allowed = field_of(command, fault), name_parameters(fault.allowed)
     if key:
         sentence = allowed if fault.value is None else f"“{fault.value}” cannot be used: {allowed}"
         return key, sentence[:1].upper() + sentence[1:]

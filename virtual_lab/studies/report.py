@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf, typeset
-from virtual_lab.errors import InputError, of_extra, worded
+from virtual_lab.errors import InputError, name_parameters, of_extra
 from virtual_lab.files.folders import ResultFolders
 from virtual_lab.files.tables import write_csv
 from virtual_lab.output.intervals import Interval, draw_intervals
@@ -163,7 +163,7 @@ class CertificateReport(StudyResult):
         results = [(row.value, row.u) for row in self.rows if row.value is not None and row.u]
         if self.kind == UNNAMED:
             unnamed = sum(not row.laboratory_name for row in self.rows)
-            why = worded("({laboratory} of certify names it)").replace("=", "")
+            why = name_parameters("({laboratory} of certify names it)").replace("=", "")
             sentences.append(
                 f"{unnamed} of {len(self.rows)} certificates name no laboratory {why}, "
                 "so they may be repeats or of several laboratories"

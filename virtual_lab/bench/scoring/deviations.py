@@ -17,7 +17,7 @@ from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.protocol import omitted_steps
 from virtual_lab.bench.day.readings import CheckRow, rows_of, rows_of_edges, suspected_faults
 from virtual_lab.bench.day.table import PREPARING, action_table, detectable
-from virtual_lab.output.rounding import beyond
+from virtual_lab.output.rounding import limit_message
 from virtual_lab.records import BoardRecord, GateRecord
 
 JUSTIFIED, DENIED, OPEN = "justified", "not supported by the records", "for the trainer to judge"
@@ -193,7 +193,7 @@ def _rest_evidence(desk: Desk, shot: int) -> Evidence:
     text = (
         f"the bat turned at {{0:.{{d}}f}} rad/s before hit {shot + 1}; allowed: {{2:.{{d}}f}} rad/s"
     )
-    return rate <= allowed, beyond(text, rate, -inf, allowed, 3)
+    return rate <= allowed, limit_message(text, rate, -inf, allowed, 3)
 
 
 def _speed_evidence(desk: Desk, shot: int) -> Evidence:
@@ -204,7 +204,7 @@ def _speed_evidence(desk: Desk, shot: int) -> Evidence:
     text = (
         f"the speed of shot {shot + 1} was off by {{0:+.{{d}}f}} m/s; allowed: ± {{2:.{{d}}f}} m/s"
     )
-    return abs(speed - nominal) <= tolerance, beyond(
+    return abs(speed - nominal) <= tolerance, limit_message(
         text, speed - nominal, -tolerance, tolerance, 2
     )
 

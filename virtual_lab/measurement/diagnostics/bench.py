@@ -19,7 +19,7 @@ from virtual_lab.measurement.reduction.observations import (
     reference_readings,
     restitution_names,
 )
-from virtual_lab.output.rounding import beyond
+from virtual_lab.output.rounding import limit_message
 from virtual_lab.records import REFERENCE_MASS
 from virtual_lab.uncertainty.budget import type_a_component
 from virtual_lab.units import Array, Mask
@@ -90,7 +90,7 @@ def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     yield Raised(
         name="bat-shape",
         where=~((light <= density) & (density <= heavy)),
-        sentence=lambda i: beyond(
+        sentence=lambda i: limit_message(
             "the bat's mean density, as a cylinder of its barrel's radius, is {0:.{d}f} kg/m³; "
             "possible densities are {1:g} to {2:g} kg/m³",
             density[i],
@@ -111,7 +111,7 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
     return Raised(
         name="bat-shape",
         where=~((low <= value) & (value <= high)),
-        sentence=lambda i: beyond(
+        sentence=lambda i: limit_message(
             f"the {words} is {{0:.{{d}}f}}{unit}, allowed {{1:g}} to {{2:g}}",
             value[i],
             low,
@@ -408,7 +408,7 @@ def store(evidence: Evidence) -> Iterator[Raised]:
     yield Raised(
         name=STORE,
         where=~((low <= humidity) & (humidity <= high)),
-        sentence=lambda i: beyond(
+        sentence=lambda i: limit_message(
             "the store of the balls had {0:.{d}f} % relative humidity, allowed {1:g} to {2:g} %",
             100 * humidity[i],
             100 * low,

@@ -12,7 +12,7 @@ import numpy as np
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.kinematics import parallel_axis
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
-from virtual_lab.output.rounding import beyond
+from virtual_lab.output.rounding import limit_message
 from virtual_lab.units import INCH, OUNCE, OZ_IN2, Mask
 
 
@@ -77,7 +77,7 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         longest = rules.greatest_length
         yield rule(
             length <= longest,
-            lambda i: beyond(
+            lambda i: limit_message(
                 "length {0:.{d}f} in, allowed up to {2:.{d}f} in",
                 float(length[i]) / INCH,
                 -inf,
@@ -89,7 +89,7 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         diameter, ring = 2 * np.ravel(bat.barrel_radius), rules.barrel_diameter
         yield rule(
             diameter <= ring,
-            lambda i: beyond(
+            lambda i: limit_message(
                 "barrel diameter {0:.{d}f} in, allowed up to {2:.{d}f} in (ring gauge)",
                 float(diameter[i]) / INCH,
                 -inf,
@@ -103,7 +103,7 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
         floor = np.interp(length, rules.inertia_lengths, rules.inertia_floors)
         yield rule(
             inertia >= floor,
-            lambda i: beyond(
+            lambda i: limit_message(
                 "moment of inertia about the pivot {0:.{d}f} oz in², required at least {1:.{d}f} "
                 f"for a length of {length[i] / INCH:.1f} in",
                 float(inertia[i]) / OZ_IN2,

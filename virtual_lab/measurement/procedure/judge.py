@@ -14,7 +14,7 @@ from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
-from virtual_lab.output.rounding import beyond
+from virtual_lab.output.rounding import limit_message
 from virtual_lab.records.session import HitDecision
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE, Array, Mask
 
@@ -135,7 +135,7 @@ def _criteria(
 
 def _within(text: str, low: float, high: float, places: int) -> Callable[[float], str]:
     """Return a function that writes the sentence on a value outside its limits, see `beyond`."""
-    return lambda value: beyond(text, value, low, high, places)
+    return lambda value: limit_message(text, value, low, high, places)
 
 
 def _up_to(text: str, high: float, places: int) -> Callable[[float], str]:
@@ -200,7 +200,7 @@ def _place(
         def describe(value: float) -> str:
             middle, most = float(percussion) / INCH, nearby / INCH
             text = f"impact position set to {{0:.{{d}}f}} in, allowed {middle:.3f} ± {most:.3f} in"
-            return beyond(text, value, middle - most, middle + most, 3)
+            return limit_message(text, value, middle - most, middle + most, 3)
 
         yield np.abs(position - percussion) <= nearby, describe, position / INCH
 

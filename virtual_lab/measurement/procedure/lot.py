@@ -8,7 +8,7 @@ import numpy as np
 
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
-from virtual_lab.output.rounding import beyond, with_unit
+from virtual_lab.output.rounding import limit_message, with_unit
 from virtual_lab.units import MPH, OUNCE, Array, Mask
 
 
@@ -58,12 +58,12 @@ def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...
         if of_mass[ball]:
             low, high = windows.ball_mass_low / OUNCE, windows.ball_mass_high / OUNCE
             text = "mass {0:.{d}f} oz, allowed {1:.{d}f} to {2:.{d}f} oz"
-            reason = beyond(text, balls.mass[ball] / OUNCE, low, high, 3)
+            reason = limit_message(text, balls.mass[ball] / OUNCE, low, high, 3)
         else:
             low, high = windows.ball_restitution_low, windows.ball_restitution_high
             at = with_unit(windows.ball_restitution_speed / MPH, "mph", ".4g")
             text = f"e0 {{0:.{{d}}f}} at {at}, allowed {{1:.3f}} to {{2:.3f}}"
-            reason = beyond(text, e0[ball], low, high, 4)
+            reason = limit_message(text, e0[ball], low, high, 4)
         excluded.append(SetAside(int(ball), reason))
     return tuple(excluded)
 

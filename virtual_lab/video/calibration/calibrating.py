@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import approx_fprime
 
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError, name_parameters
 from virtual_lab.relations.board import Board
 from virtual_lab.units import Array
 from virtual_lab.video.calibration.board_finding import BoardView, find_board
@@ -145,7 +145,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         plane=plane,
         lens_blur=blur,
         length_u=length_u,
-        warnings=tuple(map(worded, _warnings(solved, looked, size, plan))),
+        warnings=tuple(map(name_parameters, _warnings(solved, looked, size, plan))),
     )
 
 

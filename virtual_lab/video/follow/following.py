@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from virtual_lab.errors import InputError, worded
+from virtual_lab.errors import InputError, name_parameters
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.calibration.plane import PixelScale
@@ -86,7 +86,7 @@ class FollowedClip(FlightsFound):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on the flags, and remarks that raise no flag."""
-        return tuple(dict.fromkeys(worded(words) for _, words in self.notes if words))
+        return tuple(dict.fromkeys(name_parameters(words) for _, words in self.notes if words))
 
 
 def follow(

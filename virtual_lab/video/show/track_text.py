@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from virtual_lab.errors import worded
+from virtual_lab.errors import name_parameters
 from virtual_lab.files.column_units import name_of_u
 from virtual_lab.output.rounding import expanded, with_uncertainty
 from virtual_lab.relations.flight import drag_rate
@@ -211,7 +211,7 @@ def track_text(track: FollowedClip) -> str:
             lines.append(f"{words}restitution {ratio}, turned by {turn / DEGREE % 360:.1f} deg")
     lines += [f"  {_scale_said(track, track.scale)}"] if track.scale and track.flights else []
     lines += [f"  flags: {', '.join(track.flags)}"] if track.flags else []
-    flagged = {worded(words) for flag, words in track.notes if flag}
+    flagged = {name_parameters(words) for flag, words in track.notes if flag}
     lines += [f"  {'warning' if each in flagged else 'note'}: {each}" for each in track.warnings]
     return "\n".join(lines)
 
