@@ -292,7 +292,7 @@ class BatSpread(Spec):
     density_tilt: Spread  # tilt of the density between tip and knob
 
 
-NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)  # one bat alone
+NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)  # of a single specimen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -347,7 +347,7 @@ class BallSpread(Spec):
 
     mass: Annotated[float, Dimension("mass", 0, 0.02)]
     restitution: Spread
-    hit_restitution: Spread  # at the wall and, unless stated, at the bat
+    hit_restitution: Spread  # between hits at the wall, and at the bat unless the next is stated
     bat_hit_restitution: Spread | None = None  # between hits at the bat
 
 

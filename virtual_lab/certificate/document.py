@@ -30,7 +30,7 @@ from virtual_lab.uncertainty.decision import conformity
 SCHEMA = 7
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 SUPPLIED = "Computed by this program from records supplied by {}; not verified."
-OPTIONAL = (  # not stated where the metric is the same quantity
+OPTIONAL = (  # quantities that are left out if the metric is the same quantity
     "bat_performance_factor",
     "collision_efficiency",
     "restitution",

@@ -81,10 +81,10 @@ class Extent:
     """Numbers of modes and of scenes of the chart."""
 
     mode_counts: tuple[int, ...] = (4, 6, 8, 10, 14, 20, 30, 40)
-    scenes: int = 400  # for our models
-    few: int = 40  # for methods that take milliseconds per scene
-    fewest: int = 6  # for the reference
-    batch: int = 8192  # for the timing of our models
+    scenes: int = 400  # number of scenes for our models
+    few: int = 40  # number for methods that take milliseconds per scene
+    fewest: int = 6  # number for the reference
+    batch: int = 8192  # number for the timing of our models
 
 
 @dataclass(frozen=True, kw_only=True)

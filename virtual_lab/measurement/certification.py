@@ -402,7 +402,7 @@ def _split(
 ) -> Iterator[tuple[slice, ResultHits, Mapping[str, HitVariance], Variants]]:
     """Yield the slice and the arguments of `_results` for `size` laboratories at a time."""
     laboratories = len(result_hits.hits)
-    if laboratories <= size:  # not copied
+    if laboratories <= size:  # the arrays are not copied
         yield slice(None), result_hits, earlier, variants
         return
     for first in range(0, laboratories, size):

@@ -162,7 +162,7 @@ def _write_lines(status: _Status, stream: TextIO, over: threading.Event) -> None
 
 def _compilation() -> str:
     """Return the words of a line about the current compilation, empty if there is none."""
-    if not hasattr(sys.modules.get("numba"), "njit"):  # not loaded, and slow to load
+    if not hasattr(sys.modules.get("numba"), "njit"):  # numba, which loads slowly, is not loaded
         return ""
     from virtual_lab.output.compiling import COMPILED
 

@@ -212,7 +212,7 @@ class Runs:
             is_file = command.output.file or values.get("procedure") in FORM_TITLES
             ending = ".csv" if key == "csv" else ".toml" if is_file else ""
             path = first_free(self.folder / f"{full}{ending}")
-            taken = str(path) in live  # by a run that has not written yet
+            taken = str(path) in live  # a run in progress will write there
             places[key] = str(self.folder / f"{full}-run-{number}{ending}" if taken else path)
         if serves_bench({"command": command.name, "values": values}):
             return {"day": values.get("day") or places["out"]}

@@ -15,7 +15,8 @@ from virtual_lab.files import parse_toml
 from virtual_lab.parameters import ParameterRule
 
 WORDS = parse_toml((DATA / "page" / "words.toml").read_text("utf-8"), "words.toml")
-OFFERED = ", from the catalog or a file of your own in the folder above"  # for names and files
+# replaces names and .toml files in the help of a command
+OFFERED = ", from the catalog or a file of your own in the folder above"
 
 
 def title_of(key: str) -> str:

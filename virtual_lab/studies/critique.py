@@ -109,7 +109,7 @@ class Pair:
     procedure_swing_exponent: float | None  # None: the procedure has no swing law
     metric: str
     unit: str
-    error_free_difference: float | None  # in an error-free laboratory
+    error_free_difference: float | None  # difference in an error-free laboratory
     ranking: Ranking = inline()
 
 

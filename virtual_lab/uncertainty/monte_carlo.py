@@ -269,7 +269,7 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
         if infinite[k] and not batches.no_variance:
             notes += (WITHOUT_VARIANCE.format(name, batches.largest_share[k]),)
         accuracy = 2 * float(np.max(errors[k, 2:]))
-        if goals is not None and drawing.rule == "stein":  # it meets its goals at 95 %
+        if goals is not None and drawing.rule == "stein":  # this rule meets its goals at 95 %
             accuracy = min(accuracy, float(np.max(goals[k, 2:])))
         outcomes[name] = replace(
             outcome,

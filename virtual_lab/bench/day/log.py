@@ -168,7 +168,7 @@ class DayLog:
     def _open(self) -> Iterator[sqlite3.Connection]:
         with closing(sqlite3.connect(self.path, isolation_level=None)) as base:
             base.execute("PRAGMA synchronous=FULL")
-            base.execute("PRAGMA recursive_triggers=ON")  # else OR REPLACE bypasses the triggers
+            base.execute("PRAGMA recursive_triggers=ON")  # otherwise OR REPLACE bypasses triggers
             yield base
 
 

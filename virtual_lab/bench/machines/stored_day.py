@@ -230,7 +230,7 @@ class StoredDay:
             allowed = f"entry {due} is next (sent twice, or from an older page?)"
             raise SequenceError("", "entry", number, allowed)
         event = do_action(self.apparatus, self.day, action)
-        if action.name == "reduce":  # not in `do_action`: earlier logs may hold such a reduction
+        if action.name == "reduce":  # not required in `do_action`: earlier logs may lack a result
             _require_result(self.desk)
         self.log.append(event)
         self.desk = self.desk.after(event)

@@ -214,7 +214,7 @@ def _corrected_days(
                 corrected_actions = [*actions[: number - 1], corrected, *actions[number:]]
                 yield number, description, corrected_actions, by_windows
     wrong = sorted(set(range(len(reasons))) - by_windows - justified)
-    if desk.result is None and len(wrong) > 1:  # one more hit is not enough for a result
+    if desk.result is None and len(wrong) > 1:  # correcting one may not give a result
         description = f"{len(wrong)} hits undecided, or decided against the windows"
         yield 0, description, actions, by_windows.union(wrong)
     for shot in wrong:

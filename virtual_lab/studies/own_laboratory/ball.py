@@ -34,7 +34,7 @@ from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.uncertainty.scatter import bartlett_p
 
 TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
-SEED = 1  # of the tests that are simulated to find the scatter of e0
+SEED = 1  # seed of the tests that are simulated to find the scatter of e0
 LUCKY = 0.05  # share of tests with a smaller u, below which a test is called lucky
 STAGES = {"wall": "balls", "bat": "impact"}  # stages of the hits
 LUCK = "{}: u {:.2g} in the records, rms {:.2g} in simulated tests; {:.0f} % have a smaller u."

@@ -193,7 +193,7 @@ class Response(NamedTuple):
     constant: str
     part: str  # part of the constant, one of `PARTS`
     now: float  # value of this part
-    slope: float  # its change per change of the number
+    slope: float  # change of this value per change of the number
 
     def solve(self, wanted: Estimate) -> float:
         """Return the number with which the constant is as `wanted`."""

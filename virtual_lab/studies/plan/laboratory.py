@@ -54,7 +54,7 @@ class PlannedLaboratory:
         if not shared.in_blocks:
             allowed = "its laboratories cannot be played side by side"
             raise InputError("", "procedure", procedure, allowed)
-        setup, other = shared.setup, seed ^ 1  # not the seed of the plans' tests
+        setup, other = shared.setup, seed ^ 1  # the plans' tests have the seed itself
         forecast = Forecast(
             rules=setup.rules.spec, sample=SampledTests.of(shared, PILOT, other, workers)
         )

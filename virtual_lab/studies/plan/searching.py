@@ -22,7 +22,7 @@ from virtual_lab.studies.plan.prices import Prices
 from virtual_lab.units import Array
 
 Reaches = Literal["yes", "no", "not decided"]
-Compared = Literal["chosen", "equal", "higher", ""]  # in alphabetical order
+Compared = Literal["chosen", "equal", "higher", ""]  # rows are sorted by this word
 CERTAIN = 2.0  # standard errors within which the simulated u does not decide about the target
 SHOWN = 10  # largest number of plans that are simulated and shown
 CLOSE = 5.0  # difference below which the minutes of two plans are equal
@@ -45,7 +45,7 @@ class PlanRow:
     balls: int = column("balls")
     wall_hits: int = column("wall hits")
     minutes: float = column("minutes", form=".0f")
-    price: float | None = column("price", form=".0f")  # of all tests and exchanged instruments
+    price: float | None = column("price", form=".0f")  # all tests and exchanged instruments
     currency: str = column("", form="")
     planned_u: float  # predicted to first order
     simulated_u: float = column("simulated u", form=".3g")  # median over the tests

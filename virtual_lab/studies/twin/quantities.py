@@ -87,7 +87,7 @@ def compare_quantities(
     stated.pop(certification.procedure.metric, None)  # equals the metric
     errors: dict[str, list[Array]] = {name: [] for name in stated}
     played = 0
-    numbers = SIDE_BY_SIDE + np.arange(days)  # after the days that give the scatter
+    numbers = SIDE_BY_SIDE + np.arange(days)  # the days before them give the scatter
     for begin in range(0, days, SIDE_BY_SIDE):
         block = playing.play(numbers[begin : begin + SIDE_BY_SIDE])
         sound = block.certified.sound

@@ -54,13 +54,13 @@ class Statement:
     """A laboratory as its records state it. Nothing here depends on true values."""
 
     session: Session
-    rules: Entry[Procedure]  # with the numbers of balls and wall hits of the records
+    rules: Entry[Procedure]  # the numbers of balls and wall hits are those of the records
     bat: Entry[BatSpec]  # a bat of the measured mass, balance, inertia and barrel
     ball: Document  # content of the sheet of the measured lot
     law: StatedCollision
     # standard deviation of a hit: of e0 at the wall, and of the metric at the bat [SI]
     hit_scatters: Mapping[str, StandardDeviation]
-    shot_scatters: Mapping[Stage, Mapping[str, StandardDeviation]]  # of speeds, by stage
+    shot_scatters: Mapping[Stage, Mapping[str, StandardDeviation]]  # scatter of speeds by stage
 
     @cached_property
     def sheets(self) -> Mapping[Key, str]:
@@ -161,7 +161,7 @@ def _law(reduced: Reduction, certification: Certification, ball: Document) -> St
     )
     axis, turn_rate = length - rules.pivot_from_knob, float(rules.turn_rate(length))
     used, lot = preparation.used[0, 0], preparation.lot
-    faster = rules.ball_speed + turn_rate * axis - line.speed  # at the tip
+    faster = rules.ball_speed + turn_rate * axis - line.speed  # speed at the tip above `line.speed`
     return StatedCollision(
         curve=_curve(reduced, reduced.shots.lot_collision_efficiency, certification),
         bat=RigidBat(

@@ -208,7 +208,7 @@ def _model(values: Array, size: tuple[int, int], plan: Plan) -> CameraModel:
         distortion=tuple(others[:5]),
         rotation=tuple(others[5:8]),
         translation_m=tuple(others[8:]),
-        plane_height_m=0.0 - plan.height,  # never -0.0
+        plane_height_m=0.0 - plan.height,  # 0.0 for a height of 0, not -0.0
         plane_height_u_m=plan.height_u,
     )
 

@@ -155,7 +155,8 @@ def _video(path: Path) -> Source:
         allowed = "its header asks to mirror the pictures; convert it, with ffmpeg -i CLIP NEW"
         raise InputError(str(path), "video", "mirrored", allowed)
     wider = capture.get(cv2.CAP_PROP_SAR_NUM) / max(capture.get(cv2.CAP_PROP_SAR_DEN), 1)
-    stretch = (wider or 1.0, 1.0)[:: 1 if turn % 180 == 0 else -1]  # of pixels that are not square
+    # factors that make pixels square
+    stretch = (wider or 1.0, 1.0)[:: 1 if turn % 180 == 0 else -1]
     jpegs = _is_motion_jpeg(path, capture, (int(high), int(wide)))
 
     def read(wanted: Wanted, start: int) -> Stamped:

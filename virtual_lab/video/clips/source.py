@@ -38,7 +38,7 @@ class Source:
     rotation: float | None = None
     tracks: Sequence[VideoTrack] = ()  # video tracks of an MP4 or MOV file
     ignored: Sequence[str] = ()  # litter in a folder, see `virtual_lab.files.is_litter`
-    read: Callable[[Wanted, int], Stamped]  # from a frame on; in a video only from nearby
+    read: Callable[[Wanted, int], Stamped]  # frames from a number on, in a video approximately
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:
         """Yield frames, gray or in color, with their time stamps; None for a frame not wanted.

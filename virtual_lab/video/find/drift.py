@@ -67,7 +67,7 @@ class Edges:
 
         It is the first start itself if no other drift fits better.
         """
-        grey = grey.astype(np.float32)  # not again for each deviation
+        grey = grey.astype(np.float32)  # converted once for all calls of `_cost`
         best, least = starts[0], self._cost(grey, starts[0])
         for k, start in enumerate(starts):
             leaps = np.hypot(*(start - best)[:2]) > FAR_OFF

@@ -400,5 +400,5 @@ def soft(picture: Image) -> Image:
 
 def _as_bright(behind: Image, light: Array) -> Image:
     """Return the background scaled to the brightness of a picture, per channel."""
-    same = (light == 1.0).all()  # then no memory is taken
+    same = (light == 1.0).all()  # if so, no copy is made
     return behind if same else np.asarray(cv2.multiply(behind, light), np.uint8)

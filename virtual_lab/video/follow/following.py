@@ -189,7 +189,8 @@ def measure(
     scene, ways = turn_back(search.scene, search.ways, watched)
     notes = [*earlier]
     for words in clip.warnings:
-        if knowledge.rate_of != GRAVITY or UNSURE_RATE not in words:  # else not the file's rate
+        # a fitted rate is not that of the file
+        if knowledge.rate_of != GRAVITY or UNSURE_RATE not in words:
             notes.append(("FRAMES_UNREAD" if UNREAD in words else "", words))
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)

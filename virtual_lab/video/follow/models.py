@@ -26,7 +26,7 @@ class FittedFlights:
     scene: FlightScene
     ways: Sequence[Piece]
     fit: Fit
-    rest: Sequence[Fit]  # each differs from `fit` by u
+    rest: Sequence[Fit]  # alternative fits, each of which differs from `fit` by one u
 
     @property
     def tilted(self) -> bool:

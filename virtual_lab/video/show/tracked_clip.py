@@ -93,7 +93,8 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
     """Return the calibration, with stated values instead of those of the file, and notes."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
-    if file and "exposure" in said:  # else frames stored twice may be shorter
+    # without a file, frames stored twice may be closer in time than the exposure
+    if file and "exposure" in said:
         keys["exposure_s"] = said["exposure"]
     calibration = read_calibration(file, keys, ruler != GRAVITY)
     # A stated mass replaces the drag in the file; the mass of a kind of ball does not.

@@ -96,7 +96,7 @@ def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Arra
     column = np.clip(np.floor(u).astype(int), 0, board.columns - 1)
     row = np.clip(np.floor(v).astype(int), 0, board.rows - 1)
     inks = _inks(board.dictionary, int(ids.max()) + 1)
-    cells = inks.shape[1] - 4  # without the border of paper, two cells wide
+    cells = inks.shape[1] - 4  # the border of paper is two cells wide on each side
     size = board.marker / board.square / cells
     across, down = ((place - 0.5) / size + cells / 2 for place in (u - column, v - row))
     first, second = _shares(across, wide / size, cells), _shares(down, high / size, cells)
