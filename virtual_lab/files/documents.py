@@ -301,7 +301,7 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
     head = [name.strip() for name in names]
     others = [word for mark, word in SEPARATORS.items() if mark != delimiter and mark in text]
     if len(head) < 2 and others:
-        allowed = f"expected {SEPARATORS[delimiter]}s, or a form that names delimiter and decimal"
+        allowed = f"expected {SEPARATORS[delimiter]}s; a form of records can name another delimiter"
         raise InputError(where, "delimiter", others[0], allowed)
     for name in head:
         if head.count(name) > 1:

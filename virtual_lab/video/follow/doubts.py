@@ -234,9 +234,9 @@ def of_positions(model: FittedFlights) -> list[Note]:
     frames = np.concatenate([way.frames for way in model.ways])[off]
     most = float(np.hypot(*np.concatenate(model.fit.residuals)[off].T).max())
     up = "up to " * (len(frames) > 1)
-    words = f"positions: {frames_are(frames.tolist())} {up}{most:.2g}"
+    words = f"positions: {frames_are(frames.tolist())} {up}{most:.1f}"
     why = f"pixels off the fitted flights, {most / model.fit.spread:.0f} times the scatter"
-    advice = "speeds and restitution may be wrong; correct those not at the ball's center"
+    advice = "speeds and restitution may be wrong; use {corrected} for those off the ball's center"
     return [("POSITIONS_OFF", f"{words} {why}; {advice}")]
 
 
