@@ -58,8 +58,11 @@ class InterlabTerm:
     simulated: float | None = column("simulated", form=".3g")
     simulated_se: float | None = column("its u", form=".1g")
     agrees: bool | None = column("agrees", form="")
-    factor_spread: str = column("spread of the factor", form="")
-    source: str = column("source", form="")
+    factor_spread: str = column(
+        "spread of the factor",
+        form=lambda row: "; ".join(filter(None, (row.factor_spread, row.source))),
+    )
+    source: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -356,7 +359,8 @@ def _consistency(name: str, unit: str, study: NestedStudy) -> str:
     apart = with_unit(APART * _pooled_sds(study)["s_R"], unit, ".3g")
     return (
         f"{name}: single tests of two laboratories differ by less than {apart} in 95 % of cases "
-        f"({APART:.1f} s_R).\nIts first exercise: {'; '.join(texts)}."
+        f"({APART:.1f} s_R).\nOutlier tests (ISO 5725-2) of its first exercise:\n"
+        f"{'; '.join(texts)}."
     )
 
 
