@@ -3,7 +3,7 @@
 Simulated tests of a bat with the true metric x give the distribution of the errors of the metric
 (measured minus true value) and the share of INVALID tests. The bat passes if x plus the error is at
 most the limit. Other rules for the bat are not considered. The bat is a variant of the named design
-with another stiffness. If no variant has the metric x, the errors of the named bat are used. Each
+with another stiffness. If no variant has the metric x, the errors of the nearest are used. Each
 laboratory tests three times, with new balls, hits and readings, but with the same calibrations and
 bat.
 """
@@ -53,7 +53,7 @@ WORDS = (
     "simulated test passes, or every one, and the number is the limit at most or at least.\n"
     "All procedures are tested in the same laboratories and share their luck; another seed gives\n"
     "others. Errors of: the simulated bat, a variant of the named one with the true metric.\n"
-    "Without a factor no variant has this metric, and the errors of the named bat are used."
+    "If no variant has this metric, the errors of the one nearest to it are used."
 )
 OVER = (1.0, 1.01, 1.02, 1.05)  # true metrics of the answers [limit]
 
@@ -145,11 +145,11 @@ def operating(
 
     For each true metric a variant of the bat is simulated that has this metric. A wood bat gets
     another modulus of elasticity. A hollow bat gets a thinner wall for a larger metric, and a
-    higher hoop frequency for a smaller one. If no variant has the metric, the errors of the named
-    bat are added to it. The column `errors of` names the simulated bat. Only the metric is compared
-    with its limit. Rules for weight, length, diameter, moment of inertia and construction of a bat
-    are ignored. To save time, the instruments record only summary values, not every gate edge and
-    encoder count.
+    higher hoop frequency for a smaller one. If no variant has the metric, the errors of the variant
+    nearest to it are used. The column `errors of` names the simulated bat. Only the metric is
+    compared with its limit. Rules for weight, length, diameter, moment of inertia and construction
+    of a bat are ignored. To save time, the instruments record only summary values, not every gate
+    edge and encoder count.
 
     Parameters
     ----------
@@ -343,7 +343,7 @@ class _Variants:
         """
         difference = self.metrics - metric  # NaN: a barrel too soft for a result
         brackets = np.flatnonzero(difference[1:] * difference[:-1] < 0)
-        factor = 1.0
+        factor = float(FACTORS[np.nanargmin(np.abs(difference))])
         if brackets.size:
             from scipy.optimize import brentq
 
