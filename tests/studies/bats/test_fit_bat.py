@@ -141,17 +141,19 @@ def test_parameters_unlike_those_of_other_bats_are_named(weighed: tuple[Path, Fi
     odd = replace(fitted, fitted=replace(fitted.fitted, parameters=parameters))
     assert odd.unusual.endswith("Deviations in typical spreads: density -2.6.")
     rows = {row.quantity: row for row in fitted.spread}
-    peak, place = rows["peak e_A"], rows["position of peak e_A"]
-    answer = (
+    peak, place, spot = (rows[n] for n in ("peak e_A", "position of peak e_A", "sweet spot"))
+    top = (
         f"peak e_A of mine: {peak.value:.3f} ({peak.lowest:.3f} to {peak.highest:.3f} among the "
         f"bats that fit), {place.value:.1f} in from the tip"
     )
+    at = f"sweet spot {spot.value:.1f} in from the tip ({spot.lowest:.1f} to {spot.highest:.1f})"
+    answer = f"{top}; {at}"
     assert odd.text.splitlines()[0] == f"{answer}. {odd.unusual}"
     assert f"# {answer}. {odd.unusual}\n" in odd.toml
     usual = replace(fitted, fitted=replace(fitted.fitted, parameters=wood.usual))
     assert usual.text.splitlines()[0] == answer
     ended = replace(usual, spread=[replace(row, remark="at an end") for row in fitted.spread])
-    assert ended.text.splitlines()[0] == f"{answer}, at an end"
+    assert ended.text.splitlines()[0] == f"{top}, at an end; {at}"
     assert "free bat, ball of the game conditions, 160 mph" in usual.text
 
 
@@ -195,6 +197,14 @@ def test_the_nodes_of_a_catalog_bat_are_those_of_table_one() -> None:
     assert found == pytest.approx([164, 551, 6.8, 5.2], rel=0.01)
 
 
+def test_the_sweet_spot_is_that_of_the_profile() -> None:
+    """The profile has the relative speed of each position, which e_A of this ball ignores."""
+    _, values = _quantities(load_bat("ea70").spec.body, SimpleNamespace(inertia_axis=33 * INCH))
+    top = virtual_lab.profile("ea70").peaks["batted_speed_mph"]
+    assert values["largest v_f"] == pytest.approx(top.value, abs=0.02)
+    assert values["sweet spot"] == pytest.approx(top.place, abs=0.03)
+
+
 def test_the_other_bats_fit_varied_data(tmp_path: Path) -> None:
     """An inertia of 17 137 ± 40 000 oz in² may vary below mass times distance². No bat has that."""
     path = tmp_path / "vague.toml"
@@ -205,4 +215,5 @@ def test_the_other_bats_fit_varied_data(tmp_path: Path) -> None:
 
 def test_a_peak_at_the_end_of_its_range_is_marked() -> None:
     assert "2 to 10 in" in remark_on("position of peak e_A", 10.0, 8.0)
+    assert "2 to 10 in" in remark_on("sweet spot", 5.0, 2.0)
     assert remark_on("position of peak e_A", 2.1, 9.9) == remark_on("e_A at 9 in", 2.0, 10.0) == ""

@@ -17,16 +17,18 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import NO_SPREAD, BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files
+from virtual_lab.measurement.reduction.kinematics import batted_speed
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import File, Seed, TwoOrMore
 from virtual_lab.relations.peaks import peak
+from virtual_lab.relations.swing import bat_speed
 from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.physics.beam import Free
+from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.streams import Streams
 from virtual_lab.studies.bats.bat_templates import (
     MEASURED,
@@ -47,8 +49,12 @@ if TYPE_CHECKING:
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 UNUSUAL = 2.5  # deviation of a parameter that is stated [typical spreads]; most bats: up to 2
 HINT = "'template measurements FILE' writes an empty form with all keys and units"
-WORDS = "e_A: free bat, ball of the game conditions, 160 mph; a certificate has those of its rules"
-PEAK_PLACE = "position of peak e_A"
+WORDS = (
+    "e_A: free bat, ball of the game conditions, 160 mph; a certificate has those of its rules.\n"
+    "v_f: batted ball in the game, bat swung at the same angular speed as others (n = 0); its\n"
+    "position, the sweet spot, is from the tip."
+)
+PEAK_PLACE, SWEET_SPOT = "position of peak e_A", "sweet spot"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
 
 
@@ -104,16 +110,17 @@ class FittedBat(StudyResult):
 
     @property
     def text(self) -> str:
-        """The peak of e_A and unusual parameters, the table of the spread, and the misfits."""
+        """The peaks, unusual parameters, the table of the spread, and the misfits."""
         worst = ", ".join(
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
         )
-        top, place = (row for row in self.spread if row.quantity in ("peak e_A", PEAK_PLACE))
+        top, place, _, spot = self.spread[-4:]
         answer = (
             f"peak e_A of {self.measured.name}: {top.value:.3f} ({top.lowest:.3f} to "
             f"{top.highest:.3f} among the bats that fit), {place.value:.1f} in from the tip"
-            f"{place.remark and f', {place.remark}'}"
+            f"{place.remark and f', {place.remark}'}; sweet spot {spot.value:.1f} in from the tip "
+            f"({spot.lowest:.1f} to {spot.highest:.1f})"
         )
         answer = ". ".join(part for part in (answer, self.unusual) if part)
         parts = (
@@ -273,9 +280,12 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
     values = compute_quantities(body, measured.inertia_axis, frequencies=2, nodes=2)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     ball = catalog.load("balls", game.ball, BallSpec).spec
-    scenes = Scenes.with_ball(ball, impact_position=PLACES_IN * INCH, relative_speed=160 * MPH)
+    z = PLACES_IN * INCH
+    moving = np.asarray(bat_speed(game.angular_speed, beam_of(body).length, z))
+    scenes = Scenes.with_ball(ball, impact_position=z, relative_speed=160 * MPH)
     e_A = ModalModel.of(body, Free()).collide(scenes).collision_efficiency
-    top = peak(PLACES_IN, e_A)
+    v_f = np.asarray(batted_speed(e_A, game.pitch_speed, moving))
+    top, fastest = peak(PLACES_IN, e_A), peak(PLACES_IN, v_f / MPH)
     rows = [
         *((name, HOOP_UNITS[name], value) for name, value in hoop_quantities(body).items()),
         ("f1", "Hz", values["f1"]),
@@ -288,19 +298,22 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
         ),
         ("peak e_A", "1", top.value),
         (PEAK_PLACE, "in", top.place),
+        ("largest v_f", "mph", fastest.value),
+        (SWEET_SPOT, "in", fastest.place),
     ]
     return [unit for _, unit, _ in rows], {name: value for name, _, value in rows}
 
 
 def remark_on(quantity: str, *values: float) -> str:
-    """Return a remark if the peak position of e_A is at an end of the searched range.
+    """Return a remark if the position of a peak is at an end of the searched range.
 
-    e_A is the collision efficiency, and the searched range is 2 to 10 in from the tip. `quantity`
-    is the name of a quantity, and `values` are its values for several bats. The result is an empty
-    string if the quantity is not the peak position of e_A, or if all values are inside the range.
+    The peaks are those of e_A, the collision efficiency, and of v_f, the speed of the batted ball.
+    The searched range is 2 to 10 in from the tip. `quantity` is the name of a quantity, and
+    `values` are its values for several bats. The result is an empty string if the quantity is not
+    such a position, or if all values are inside the range.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]
-    if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):
+    if quantity in (PEAK_PLACE, SWEET_SPOT) and (min(values) <= low or max(values) >= high):
         return f"at the end of the range {low:g} to {high:g} in: the true peak may lie beyond it"
     return ""
 
