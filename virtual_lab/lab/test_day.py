@@ -50,7 +50,8 @@ class TestDay:
     plans: tuple[ShotPlan, ...] = ()  # plan of each round fired at the bat
     rounds: tuple[RigOutput, ...] = ()
     reduced: Reduction | None = None  # reduction of the shots judged so far
-    readings: ImpactReadings | None = None  # readings of these shots, if they are read together
+    # readings of all these shots; None if only those of the last round were read
+    readings: ImpactReadings | None = None
 
     @classmethod
     def begin(cls, laboratory: Laboratory) -> TestDay:
@@ -181,11 +182,11 @@ class TestDay:
 
     def _film(self, sessions: SessionBlock, readings: ImpactReadings) -> Callable[[Path], None]:
         laboratory = self.laboratory
-        done = laboratory.setup.faults.apply(Stage.IMPACT, self.plans[0], laboratory.specimen)
+        actual = laboratory.setup.faults.apply(Stage.IMPACT, self.plans[0], laboratory.specimen)
         station = laboratory.impact
         assert isinstance(station, FilmingStation), "require_camera() has seen to it"
         session = laboratory.session_of(sessions, {})
-        return film_of(station, *done, laboratory.draws, session, readings.flights)
+        return film_of(station, *actual, laboratory.draws, session, readings.flights)
 
     def _add_records(self, stage: Stage, play: RigOutput) -> SessionBlock:
         """Return the sessions with the new records of a stage."""

@@ -28,7 +28,7 @@ class Evidence:
     reduced: Reduction
     readings: ImpactReadings
     hit_weights: HitWeights
-    metric: Budgets  # budgets of the results
+    metric: Budgets  # budgets of the metric
     has_result: Mask  # mask of the laboratories with a result, (laboratory,)
     variants: Variants  # constants, each shifted up and down by its u
     hits: NDArray[np.intp]  # numbers of the shots in a result, (laboratory, hit); negative: none

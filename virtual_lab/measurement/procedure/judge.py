@@ -134,7 +134,7 @@ def _criteria(
 
 
 def _within(text: str, low: float, high: float, places: int) -> Callable[[float], str]:
-    """Return a function that writes the sentence on a value outside its limits, see `beyond`."""
+    """Return a function that writes the sentence on a value outside its limits."""
     return lambda value: limit_message(text, value, low, high, places)
 
 

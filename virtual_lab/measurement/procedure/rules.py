@@ -211,9 +211,9 @@ class Procedure(Spec):
     largest_u: Annotated[float | None, Dimension("number")] = None
     # the same for the speed of a batted ball
     largest_speed_u: Annotated[float | None, Dimension("speed")] = None
-    # slope of e_A along the barrel for tests at one position: mean and spread over suitable bats
     # smallest share of the balls of a box within the windows; with fewer, another box is opened
     least_admitted: Annotated[float, Ge(0), Le(1), Dimension("number")] = 0.0
+    # slope of e_A along the barrel for tests at one position: mean and spread over suitable bats
     place_slope: Annotated[float, Dimension("slope of length")] = 0.0
     place_slope_u: Annotated[float, Ge(0), Dimension("slope of length")] = 0.0
     scan: Scan | None = None

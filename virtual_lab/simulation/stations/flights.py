@@ -78,7 +78,7 @@ class TrueFlights(NamedTuple):
     passage: Passage
     separation_time: Array | float = 0.0  # time from first contact to final separation [s]
     reached_bat: NDArray[np.bool_] | bool = True  # whether the ball reached the bat
-    # shot, time after the contact [s], and change of the bat's rate [rad/s] by each second contact
+    # shot, time after the first contact [s], and change of the bat's rate [rad/s] by each later one
     kicks: tuple[tuple[int, float, float], ...] = ()
 
 

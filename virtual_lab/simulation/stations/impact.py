@@ -75,7 +75,7 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 
 
 def compute_impacts(
-    specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
+    specimen: Specimen, detail: RecordDetail, scenes: Scenes, axis: TrueConstant, nominal: float
 ) -> Impacts:
     """Return the collisions of the balls with a bat on a pivot, one per scene, (shot,).
 
@@ -83,16 +83,16 @@ def compute_impacts(
 
     * `detail` requests only summary values (not every gate edge). Only the collision efficiency e_A
       is computed. The contact time is a typical value, and there is no vibration. The pivot is at
-      the surveyed position. A shift of the pivot by a fraction of a millimeter does not change e_A.
+      its nominal position. A shift of the pivot by a fraction of a millimeter hardly changes e_A.
     * Otherwise, the contact time and the vibration are computed too. The pivot is at its true
       position.
 
     Parameters
     ----------
-    at
+    axis
         True distance of the pivot from the knob [m].
-    surveyed
-        Surveyed distance of the pivot from the knob [m].
+    nominal
+        Nominal distance of the pivot from the knob [m].
 
     Raises
     ------
@@ -101,12 +101,12 @@ def compute_impacts(
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
-        support = Pinned(body.length - surveyed)
+        support = Pinned(body.length - nominal)
         efficiency = specimen.collision.efficiencies(
             specimen.bat.groups(len(scenes)), support, scenes
         )
         return Impacts(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
-    model = specimen.collision(body, Pinned(body.length - at))
+    model = specimen.collision(body, Pinned(body.length - axis))
     collisions = model.collide(scenes)
     e_A, contact_time = collisions.collision_efficiency, collisions.contact_time
     return Impacts(scenes, e_A, contact_time, model.modes, collisions)
