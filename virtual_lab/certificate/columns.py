@@ -54,7 +54,7 @@ def _reading(which: str, name: str) -> Getter:
     return lambda certification: getattr(getattr(certification.readings, which), name, None)
 
 
-def _with(which: str, name: str) -> Getter:
+def _by_encoder(which: str, name: str) -> Getter:
     """Return a function that returns the values `name`, or None if no encoder measured them."""
     return lambda c: None if getattr(c.readings, which) is None else getattr(c.shots, name)
 
@@ -161,14 +161,14 @@ SHOTS = (
     _C(
         "recoil_rad_per_s",
         "recoil rate of the bat about its pivot at the end of contact",
-        _with("recoil", "recoil_rate"),
+        _by_encoder("recoil", "recoil_rate"),
         "recoil_rad_per_s",
         InPrint("Recoil", "rad/s", 3),
     ),
     _C(
         "bat_speed_mph",
         "speed of the bat at the impact position",
-        _with("swing", "bat_speed"),
+        _by_encoder("swing", "bat_speed"),
         "bat_speed_mph",
         InPrint("Bat", "mph", 2),
     ),
@@ -206,7 +206,7 @@ SHOTS = (
     _C(
         "recoil_efficiency",
         "collision efficiency e_A from the recoil of the bat",
-        _with("recoil", "recoil_efficiency"),
+        _by_encoder("recoil", "recoil_efficiency"),
         "recoil_efficiency",
         InPrint("by recoil", symbol="e_A"),
     ),

@@ -79,9 +79,9 @@ from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.scatter import has_larger_scatter
 from virtual_lab.units import INCH, MPH, Array
 
-HISTORY = 10  # number of earlier tests for the benefit stated by a certificate without history
+HISTORY = 10  # number of earlier tests for which a certificate without history states the benefit
 HALL_UNITS = {"temperature": "K", "humidity": "1", "pressure": "Pa"}
-FEWEST_PLACES = 4  # smallest number of places for a curve along the barrel
+FEWEST_PLACES = 4  # smallest number of impact positions for a curve along the barrel
 
 
 def certificate(
@@ -425,17 +425,18 @@ WIDER = (
 
 def _method(certification: Certification, metric: Budget) -> str:
     """Return a sentence on the method by which u and interval of the metric were computed."""
-    finer = certification.refined
+    propagated = certification.refined
     few = low_dof_source(metric) if certification.session.uncertainty == MONTE_CARLO else None
-    if finer is None and few is not None:
+    if propagated is None and few is not None:
         return (
             f"The Monte Carlo method was requested but not used: {few.name} has only {few.dof:.1f} "
             f"degrees of freedom, and with fewer than {LEAST_FREEDOM:g} the u of draws from a t "
             f"distribution does not converge. {FIRST_ORDER}"
         )
-    if finer is None:
+    if propagated is None:
         return FIRST_ORDER
-    outcome, printed = next(iter(finer.outcomes.values())), METRICS[certification.procedure.metric]
+    outcome = next(iter(propagated.outcomes.values()))
+    printed = METRICS[certification.procedure.metric]
 
     def format_value(value: float, form: str) -> str:
         return printed.text(lambda size: f"{value / size:{form}}")
@@ -568,8 +569,8 @@ def _rebound_check(certification: Certification) -> ReboundCheck | None:
 def _encoder(certification: Certification) -> EncoderTrace | None:
     """Return the encoder record of one shot with fitted curves; None if it has no counts.
 
-    Rotation and vibration are fitted here again, with the frequencies and decays that the
-    reduction found for all shots: for display only, no result uses this fit.
+    Rotation and vibration are fitted here again for display, with the frequencies and decays that
+    the reduction fitted to all shots. No result uses this fit.
     """
     counts, recoil = _counts(certification), certification.readings.recoil
     measured = np.isfinite(certification.shots.speed)

@@ -69,7 +69,7 @@ class Laboratory:
     specimen: Specimen
     calibration: Mapping[str, Estimates]  # constants before the first measurement
     box: Slots  # number of the open box of balls, from 0
-    sheets: Mapping[Key, str]  # texts that were in place of the catalog's when it was opened
+    sheets: Mapping[Key, str]  # texts that replaced sheets of the catalog when it was opened
     most_boxes: int = 3  # number of boxes after which a test ends without enough balls
     control_ratio: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 

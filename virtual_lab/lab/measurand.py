@@ -119,13 +119,14 @@ def measurands(
 
 
 def _continuous_results(
-    scan: Scan, position: Array, sought_at: Array, metric_at: Array
+    scan: Scan, position: Array, objective_at: Array, metric_at: Array
 ) -> dict[str, Array]:
     """Return the metric at the maximum of each curve, and the width that the rules require.
 
-    The results are (curve,). The curves are known at `position`, (curve, position).
+    The results are (curve,). `objective_at` and `metric_at`, (curve, position), are the values of
+    the curves at the positions `position`, (position,) [m].
     """
-    objective, metric = (smooth_cubic(position, values.T) for values in (sought_at, metric_at))
+    objective, metric = (smooth_cubic(position, values.T) for values in (objective_at, metric_at))
     best = _maxima(objective)
     top = _values_at(metric, best)
     results = {CONTINUOUS: top}
@@ -231,7 +232,7 @@ def true_curve(
 
 
 def true_metrics_of_hits(truth: SealedTruth, procedure: Procedure, balls: Sequence[int]) -> Array:
-    """Return the true metric of each shot, of its own ball where it really hit, (shot,) [SI].
+    """Return the true metric of each shot, for its ball and true impact position, (shot,) [SI].
 
     Parameters
     ----------

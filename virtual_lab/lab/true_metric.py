@@ -156,9 +156,9 @@ def results_of_curves(
         top = np.where(complete, metrics, np.nan)
         return np.asarray(np.take_along_axis(top, best, axis=1)[:, 0])
     distance = np.abs(at - np.take_along_axis(at, best, axis=1))
-    reach, room = procedure.scan.fit_half_width, 1e-3  # room: two steps of the setting [m]
-    near = complete & (distance < reach + room)
-    hits = np.where(distance < 2 * reach + room, hits, 0.0)
+    half_width, tolerance = procedure.scan.fit_half_width, 1e-3  # two steps of the setting [m]
+    near = complete & (distance < half_width + tolerance)
+    hits = np.where(distance < 2 * half_width + tolerance, hits, 0.0)
     return _value_at_maximum(at, hits, near, objectives, metrics)
 
 

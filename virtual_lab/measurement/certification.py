@@ -207,7 +207,7 @@ class Certifications:
             if self.has_result[laboratory]
         }
         quantities = {name: each.row(0) for name, each in budgets.items()}
-        metric, finer = quantities.pop("metric", None), None
+        metric, refined = quantities.pop("metric", None), None
         variances = {}
         if metric and self.verdicts[laboratory] is not Verdict.INVALID:
             scatters = {name: each.scatter for name, each in budgets.items() if each.scatter}
@@ -217,8 +217,8 @@ class Certifications:
         method = session.uncertainty
         drawable = method != MONTE_CARLO or not (metric and low_dof_source(metric))
         if metric and variances and method != FIRST and drawable:
-            finer = propagate_metric(method, reduced, readings, hit_weights, metric)
-            metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)
+            refined = propagate_metric(method, reduced, readings, hit_weights, metric)
+            metric = replace(metric, u=refined.u, dof=refined.dof, interval_95=refined.interval)
         shots, hits, preparation = reduced.shots, reduced.shot_metric, reduced.preparation
         bat = preparation.bat.select((0, 0, 0))
         return Certification(
@@ -236,7 +236,7 @@ class Certifications:
             first_order=budgets.get("metric"),
             quantities=quantities,
             variances=variances,
-            refined=finer,
+            refined=refined,
             width=width_of(procedure, reduced.position, reduced.valid, hits) if metric else None,
             swings=swing_range(reduced, readings) if metric else (),
             other_support=other_support(procedure, shots, bat, hit_weights) if metric else None,
@@ -341,8 +341,8 @@ def nearby_variances(reduced: Reduction, hit_weights: HitWeights) -> dict[str, H
 
     The few final hits of a scan at one position give a poor estimate of their scatter. The other
     valid hits within the half width of a fit scatter alike, so their variance is pooled with that
-    of the final hits like one of an earlier test. Nothing explained by constants is subtracted from
-    it. The dictionary is empty for a test without final hits.
+    of the final hits, in the same way as the variance of an earlier test. The part of it that the
+    constants explain is not subtracted. The dictionary is empty for a test without final hits.
     """
     rules, owner, position = reduced.procedure, reduced.owner, reduced.position
     if rules.scan is None or not rules.scan.final_hits:

@@ -76,7 +76,7 @@ class SessionBlock:
             return self  # with its large arrays, which `select` would drop
         mask = self.owner == laboratory
 
-        def one(estimates: Mapping[str, Estimates]) -> dict[str, Estimates]:
+        def constants_of_one(estimates: Mapping[str, Estimates]) -> dict[str, Estimates]:
             first = slice(laboratory, laboratory + 1)
             return {name: each.select(first) for name, each in estimates.items()}
 
@@ -88,8 +88,8 @@ class SessionBlock:
 
         return replace(
             self,
-            calibration=one(self.calibration),
-            history=one(self.history),
+            calibration=constants_of_one(self.calibration),
+            history=constants_of_one(self.history),
             records={
                 stage: {
                     channel: select_laboratory(stage, record) for channel, record in records.items()

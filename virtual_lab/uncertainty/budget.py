@@ -290,7 +290,7 @@ def means_of_hits(
     variants: Variants,
     hits: Array,
     weights: Array,
-    places: Array,
+    positions: Array,
     effects: Array,
     earlier: HitVariance | None = None,
 ) -> Budgets:
@@ -308,7 +308,7 @@ def means_of_hits(
         index of a set of constants.
     weights
         Weight of each hit in the result, (laboratory, hit); 0 for a missing hit.
-    places
+    positions
         Impact position of each hit, (laboratory, hit). The scatter is computed within each
         position.
     effects
@@ -320,7 +320,7 @@ def means_of_hits(
     """
     value = weighted_sums(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighted_sums(hits, effects))
-    today = Scatter.of_hits(hits[:, 0], effects, places, variants.effects(hits))
+    today = Scatter.of_hits(hits[:, 0], effects, positions, variants.effects(hits))
     scatter = today if earlier is None else today.pool_with(earlier)
     scattered = type_a_component(
         HITS, weighted_sums(hits[:, :1], effects)[:, 0], scatter.u, scatter.dof

@@ -34,9 +34,8 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
 
     By the swing law, bat speed is proportional to the mass or inertia of the bat to the power -n. A
     result states the exponent n, the budget of the metric, and the impact position with the largest
-    metric [m from the barrel tip]. The results have the order in which the procedure
-    lists the exponents. The tuple is empty if it lists none, or if one of the results cannot be
-    computed.
+    metric [m from the barrel tip]. The results have the order in which the procedure lists the
+    exponents. The tuple is empty if it lists none, or if one of the results cannot be computed.
 
     A scan has hits at several positions along the barrel. Some procedures add final hits at the
     position with the largest metric for the procedure's main exponent. These final hits are then

@@ -62,10 +62,8 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "recoil-and-rebound": recoil_and_rebound,
 }
 
-
-OF_READINGS: Mapping[
-    type[Record], tuple[str, ...]
-] = {  # checks of readings that a recorder does not keep if it stores only results
+# checks of readings that a recorder does not keep if it stores only results
+OF_READINGS: Mapping[type[Record], tuple[str, ...]] = {
     PassageRecord: ("chords", "edges", "records-repeated"),
     RateRecord: ("encoder-fit", "encoder-halves", "records-repeated"),
 }

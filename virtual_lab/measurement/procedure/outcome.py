@@ -353,8 +353,8 @@ def verdicts_of(
 ) -> tuple[Verdict, ...]:
     """Return the verdict of each laboratory, given the reasons for MEASURED, FAIL and INVALID.
 
-    A reason for INVALID precedes the others. A laboratory without a reason has the
-    verdict PASS, or MEASURED if the procedure states no limit.
+    A reason for INVALID precedes the others. A laboratory without a reason has the verdict PASS, or
+    MEASURED if the procedure states no limit.
     """
     sound = Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
     verdicts = np.full(laboratories, sound, dtype=object)

@@ -68,8 +68,7 @@ def measured_density(block: SessionBlock) -> Estimates | None:
 
     Return None if there are no climate readings. u includes the u of the instruments and of the
     formula. The range of the densities during the test adds a component to u, with a uniform
-    distribution (GUM 4.3.7).
-    Raises the errors of `climate_readings` and `climate`.
+    distribution (GUM 4.3.7). Raises the errors of `climate_readings` and `climate`.
     """
     record = climate_readings(block)
     if record is None:

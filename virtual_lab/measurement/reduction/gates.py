@@ -139,8 +139,8 @@ class GateReadings:
                 distances[0],
                 f"must be larger than the distance of the nearest gate, {distances[-1]:g} m",
             )
-        tall = f"{stage}.gates.height_0" in calibration
-        return cls(stage=stage, passages=readings, distances=distances, shows_height=tall)
+        heights = f"{stage}.gates.height_0" in calibration
+        return cls(stage=stage, passages=readings, distances=distances, shows_height=heights)
 
     @cached_property
     def raw(self) -> RawFlights:
@@ -256,9 +256,9 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
     from virtual_lab.measurement.reduction.flights_kernel import fit_heights, fit_speeds
 
     gates = range(gate_count(x, stage))
-    tall = f"{stage}.gates.height_0" in x
+    has_heights = f"{stage}.gates.height_0" in x
     names = [f"{stage}.gates.clock", *(f"{stage}.gates.distance_{index}" for index in gates)]
-    if tall:
+    if has_heights:
         names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
     columns = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
     *leading, shots, _, _ = passages.times.shape
@@ -276,7 +276,7 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
     drag = np.array(np.broadcast_to(drag, (*rows, shots)), order="C").reshape(row_count, shots)
     speeds, heights = np.full((2, row_count, shots), np.nan), np.full((3, row_count, shots), np.nan)
     fit_speeds(_by_gate(passages.times), batch, distances, clock, drag, speeds)
-    if tall:
+    if has_heights:
         gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()
         heights_read = _by_gate(passages.heights)
         fit_heights(heights_read, batch, speeds, distances, zeros, gravity, drag, heights)

@@ -59,7 +59,6 @@ class BallReadings(AlignedArrays):
     """Readings of the balls on the scale and at the wall, with leading axes (laboratory, 1).
 
     A hit that was not detected in both directions is ignored; its ball index is -1.
-
     """
 
     mass: Array  # mean scale reading of each ball [kg], (..., ball)

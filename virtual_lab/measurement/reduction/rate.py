@@ -60,9 +60,9 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
     * 2^n counts for a counter of n bits, where n is 8 to 32
 
     The smallest possible range that agrees with the record is used. A step of more than half the
-    range is an overflow. After all overflows are removed, the counts
-    of each shot are shifted by whole ranges. The count at the time `contact`, (shot,) [s], is then
-    within half a range of 0. A record without overflows is returned unchanged.
+    range is an overflow. After all overflows are removed, the counts of each shot are shifted by
+    whole ranges. The count at the time `contact`, (shot,) [s], is then within half a range of 0. A
+    record without overflows is returned unchanged.
     """
     counts = record.counts
     steps = np.diff(counts)

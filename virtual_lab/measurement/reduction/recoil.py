@@ -77,7 +77,7 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     if after.sum() < fewest:
         raise ValueError("the encoder record ends too soon after contact")
     first = int(after.argmax())
-    until = _farthest(record.counts[:, first:])
+    until = _samples_before_stop(record.counts[:, first:])
     whole, beyond = _fit(record, contact, slice(first, None), until)
     if (beyond > RECOIL.turned).any() and until >= fewest:
         return _fit(record, contact, slice(first, first + until), until)[0]
@@ -106,7 +106,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     half = len(times) // 2
     by_half, half_leverage, _, _ = _rates(basis[:half], counts[:, :half], row, half)
     variance = square / (len(times) - basis.shape[1] - len(rings))
-    before, rest = _at_rest(record, contact)
+    before, rest = _fit_at_rest(record, contact)
     fit = RateFit(
         rate=rate,
         rate_u=np.sqrt(variance * leverage),
@@ -125,7 +125,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     return fit, np.sqrt(tail_square / max(len(times) - until, 1)) / fit.noise
 
 
-def _farthest(counts: Array) -> int:
+def _samples_before_stop(counts: Array) -> int:
     """Return the number of samples before the first bat rebounds from its stop.
 
     A shot that reaches its largest count in less than half of the usual time (a bat that was not
@@ -179,7 +179,7 @@ def _search_rings(
     while len(rings) < RECOIL.most_rings:
         _, residual = project(basis, counts)
         small = np.sqrt((residual**2).mean()) < no_ring
-        peak = None if small else _strongest(clock, residual, slowest)
+        peak = None if small else _strongest_line(clock, residual, slowest)
         if peak is None:
             break
         try:
@@ -195,7 +195,7 @@ def _search_rings(
     return rings, basis
 
 
-def _strongest(clock: Array, residual: Array, slowest: float) -> float | None:
+def _strongest_line(clock: Array, residual: Array, slowest: float) -> float | None:
     """Return the frequency of the strongest line of the residual, None if there is no clear one."""
     n = len(clock)
     spectrum = np.fft.rfft(np.hanning(n)[:, None] * residual, 4 * n, axis=0)
@@ -275,7 +275,7 @@ def project(basis: Array, data: Array) -> tuple[Array, Array]:
     return np.linalg.solve(triangle, projection), data - orthogonal @ projection
 
 
-def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
+def _fit_at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
     """Return the rate before contact, from a straight line, and the noise, each (shot,).
 
     The rate of a bat at rest is 0. Both are NaN if the record is too short.

@@ -43,7 +43,8 @@ FLIGHT = ("bench.scale.", "hall.", "ball.radius")
 # prefixes of all constants of a flight, including the instruments that time it
 AT_WALL, AT_BAT = (*FLIGHT, "balls."), (*FLIGHT, "impact.")
 ADDED = ("balls.restitution_", "balls.slope_")  # errors added to results of the flights
-HELD = tuple(f"impact.{name}." for name in ("pivot", "encoder", "swing", "cannon", "aim"))
+# prefixes of constants of the bat rig on which the flight of a ball does not depend
+NOT_OF_FLIGHT = tuple(f"impact.{each}." for each in ("pivot", "encoder", "swing", "cannon", "aim"))
 PLACE_SLOPE = "procedure.place_slope"  # slope de_A/dz of e_A along the barrel [1/m]
 SLOPE_ERROR = "procedure.place_slope_error"  # error of e_A caused by the error of the slope
 
@@ -220,13 +221,14 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
 
 def kept_shares(restitution: Array, u: Array) -> Array:
-    """Return the share of each ball's deviation from its lot that is no measurement error.
+    """Return the share of each ball's deviation from the mean of its lot that its best e0 keeps.
 
     The rules set balls aside by their measured e0, so the errors of the admitted balls are not zero
     on average. A ball's e0 is therefore drawn toward the mean of all balls of its lot, by the share
     of their variance that is due to errors, u² / s². The error of a drawn e0 does not depend on
-    whether its ball is set aside. For a least mean square error (Efron and Morris 1973, n - 3
-    instead of the n - 1 of s²) less is drawn, too little for the mean of the admitted balls.
+    whether its ball is set aside. The estimate with the least mean square error of single balls
+    (Efron and Morris 1973) has n - 3 instead of the n - 1 of s². It draws too little for the mean
+    of the admitted balls.
 
     Parameters
     ----------
@@ -419,7 +421,7 @@ def _mean_of(values: Array, mask: Mask) -> Array:
 
 def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:
     """Return the flights, computed only for sets that differ in a constant of the flight."""
-    sets = _sets_of(x, AT_BAT, HELD)
+    sets = _sets_of(x, AT_BAT, NOT_OF_FLIGHT)
     at_bat = {name: sets.select(value) for name, value in x.items() if name.startswith(AT_BAT)}
     mass = of_ball(sets.select(balls.mass), readings.ball)
     flights = readings.flights.correct(at_bat, drag_of(at_bat, mass))

@@ -75,7 +75,7 @@ class PivotedBat:
 
     @cached_property
     def thinnest(self) -> float:
-        """Smallest radius of the outer third, where balls strike [m]."""
+        """Smallest radius of the third at the tip, where balls strike [m]."""
         return float(np.min(self.radius(np.linspace(0.0, self.length / 3, 50))))
 
     @cached_property
@@ -180,7 +180,7 @@ class ShotScene:
     def alone(self, shot: int) -> Self:
         """Return the scene of one shot, with numbers instead of arrays where possible."""
 
-        def own(each: Array | float) -> float:
+        def value(each: Array | float) -> float:
             return float(np.broadcast_to(each, (self.shots,))[shot])
 
         one = slice(shot, shot + 1)
@@ -189,10 +189,10 @@ class ShotScene:
             start=self.start.part(one),
             ball_mass=self.ball_mass[one],
             ball_drag=self.ball_drag[one],
-            ball_radius=own(self.ball_radius),
-            bat=replace(self.bat, axis=own(self.bat.axis), inertia=own(self.bat.inertia)),
+            ball_radius=value(self.ball_radius),
+            bat=replace(self.bat, axis=value(self.bat.axis), inertia=value(self.bat.inertia)),
             efficiency=lambda place, speed, _: self.efficiency(place, speed, np.array([shot])),
-            duration=own(self.duration),
-            gravity=own(self.gravity),
-            frames=tuple(each._replace(x=own(each.x), up=own(each.up)) for each in self.frames),
+            duration=value(self.duration),
+            gravity=value(self.gravity),
+            frames=tuple(each._replace(x=value(each.x), up=value(each.up)) for each in self.frames),
         )
