@@ -260,7 +260,7 @@ def test_a_block_has_a_leading_axis_of_laboratories() -> None:
             assert np.shape(draw("x", (3, 1))) == (4, 3, 1)
             assert np.shape(draw("x", 3, np.zeros(4, int))) == (4, 3)
         assert np.shape(draws.at(np.array([1, 1])).normal("x", 3, np.arange(2))) == (2, 3)
-        with pytest.raises(InputError, match=r"slots = \(3,\).*allowed: one a row, \(4,\)"):
+        with pytest.raises(InputError, match=r"slots = \(3,\).*allowed: one per row, \(4,\)"):
             Streams(1, (), np.arange(4)).normal("x", 2, np.arange(3))
 
 

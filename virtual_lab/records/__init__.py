@@ -2,8 +2,7 @@
 
 A record is a set of arrays with named axes and a CSV form: one row per index combination, one
 index column per axis, one value column with its unit per field. Another laboratory can write the
-same files by hand or from its recorder; ``docs/raw-records.md``
-documents every column.
+same files by hand or from its recorder; ``docs/raw-records.md`` documents every column.
 """
 
 from virtual_lab.records.clip import ClipRecord, TrackRecord

@@ -209,7 +209,7 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
     if slots is None:
         return leading
     if leading not in ((), np.shape(slots)):
-        raise InputError("draws", "slots", np.shape(slots), f"allowed: one a row, {leading}")
+        raise InputError("draws", "slots", np.shape(slots), f"allowed: one per row, {leading}")
     return np.shape(slots)
 
 

@@ -52,7 +52,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentFactory:
-    """Factory of a laboratory's instruments from its random numbers; `ideal` ones are exact."""
+    """Factory of a laboratory's instruments, with random errors, or without any if `ideal`."""
 
     draws: Draws
     ideal: bool
@@ -102,7 +102,7 @@ class FittedStation:
     arrays (laboratory,).
     """
 
-    # channels of the records of an instrument; without an entry the channel has its name
+    # channels that an instrument records, keyed by its name; by default the channel of that name
     channels: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
     def instruments(self) -> Mapping[str, Instrument]:

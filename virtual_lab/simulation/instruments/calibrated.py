@@ -36,7 +36,7 @@ Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, in
 
 
 class StandardDeviation(NamedTuple):
-    """A standard deviation estimated from repeated readings, without a part of other causes."""
+    """A standard deviation of repeated readings, minus a known variance of other causes."""
 
     total: float  # standard deviation of the readings
     dof: float  # degrees of freedom of `total`
@@ -77,7 +77,7 @@ class StandardDeviation(NamedTuple):
 
     @classmethod
     def pool(cls, spreads: Sequence[StandardDeviation], known: float = 0.0) -> Self:
-        """Return the pooled standard deviation, without another part of the `known` variance."""
+        """Return the pooled standard deviation. `known` is a further variance of other causes."""
         dof = sum(each.dof for each in spreads)
         if not dof:
             return cls(0.0, 0.0, known)

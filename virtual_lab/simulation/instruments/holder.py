@@ -19,7 +19,7 @@ from virtual_lab.simulation.instruments.calibrated import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisSpec(CalibratedSpec):
-    """A pivot as installed and surveyed, for a bat with which the cannon is aligned."""
+    """A pivot as installed and surveyed. The cannon is aligned with the bat, at height 0."""
 
     nominal_from_knob: Annotated[float, Gt(0), Dimension("length")]  # nominal position of the pivot
     from_knob: Annotated[float, Gt(0), Dimension("length")]

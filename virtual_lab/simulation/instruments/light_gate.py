@@ -69,7 +69,7 @@ class GateSheet(CalibratedSpec):
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the distances of the `constants` gates."""
+        """Return the distances of the gates, from their calibration `constants`."""
         count = sum(key.startswith("distance_") for key in constants)
         gates = tuple(constants[f"distance_{at}"] for at in range(count))
         return {"distances": gates} if gates else {}
@@ -151,7 +151,7 @@ class BallGates(CalibratedInstrument[G], ABC):
         Raises `InputError` if `slots` have another shape than `contact`.
         """
         if slots.shape != contact.shape:
-            raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
+            raise InputError("", "slots", slots.shape, f"allowed: one per shot, {contact.shape}")
         record = self.edges if detail is RecordDetail.FULL else self.sums
         written = record(WatchedBatch(passage, contact, leaving, draws, name, slots))
         return (
@@ -180,7 +180,7 @@ class LightGateSpec(GateSheet):
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the distances of the `constants` gates, and the jitter that the edges show.
+        """Return the calibrated distances of the gates, and the jitter that the edges show.
 
         The chords of an incoming ball at two gates differ by the jitter of four edges, and by the
         drag between the gates, which is proportional to the chord.

@@ -58,7 +58,7 @@ class CannonRigSpec(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestingBatSpec(CannonRigSpec):
-    """Data sheet of an impact rig with a bat at rest: also frames and stop."""
+    """Data sheet of an impact rig with a bat at rest: also frames of the gates, stop of the bat."""
 
     frame: FrameSpec
     stop: StopSpec
