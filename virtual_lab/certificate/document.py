@@ -317,7 +317,7 @@ class RejectedHit(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotRow(Spec):
-    """One shot; null if nothing was seen or the rig has no such instrument."""
+    """One shot. A value is null if it was not measured or the rig has no such instrument."""
 
     shot: Whole
     ball: Whole
@@ -373,9 +373,9 @@ class CameraWord(Spec):
     """Results of the camera for the same hits."""
 
     hits: Whole
-    """Number of hits measured by both."""
+    """Number of hits in the result that gates and video both measured."""
     missed: Whole
-    """Number of valid hits that video did not measure."""
+    """Number of hits in the result that were not measured by both."""
     collision_efficiency: ComparedResult | None
     """Collision efficiency e_A of these hits; null: not compared."""
     restitution: ComparedResult | None
@@ -482,7 +482,7 @@ class UnverifiedValue(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationStated(Simulated):
-    """Simulation of the test, and the digest of its truth; null: reduced from records alone."""
+    """Simulation of the test, and the digest of its truth."""
 
     truth_digest: str | None
     """SHA-256 of the sealed truth; null: reduced from the records alone."""
@@ -490,7 +490,7 @@ class SimulationStated(Simulated):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallCondition(Spec):
-    """A condition in the hall at the start and the end of the test; humidity is 1 of saturated."""
+    """A condition in the hall at the start and the end of the test."""
 
     name: str
     """Name of the condition: temperature, humidity or pressure."""
@@ -549,7 +549,7 @@ class CertificateDocument(Spec):
     verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
     """Verdict; MEASURED: the procedure has no limit."""
     marginal: YesNo
-    """Whether the limit, which alone decides, lies within the 95 % interval."""
+    """Whether the limit decides the verdict and lies within the 95 % interval."""
     risk: RiskStated | None
     """Risk of a wrong verdict; null: no uncertainty, or the limit alone does not decide."""
     decision_rule: str
@@ -589,7 +589,7 @@ class CertificateDocument(Spec):
     flags: tuple[FlagRaised, ...]
     """Contradictions in the records."""
     not_checked: tuple[str, ...] = ()
-    """Checks that the records do not allow, because a recorder keeps only summary values."""
+    """Checks that were not made, because the records lack the readings for them."""
     deviations: tuple[str, ...] = ()
     """Decisions on hits against the rules, by a person at the rehearsal bench."""
     incomplete: str

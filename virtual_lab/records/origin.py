@@ -34,9 +34,9 @@ class Simulated(Spec):
     """
 
     reality: str
-    """Kind of reality: real, or ideal instruments."""
+    """Degree of realism: real, noise-free or ideal."""
     sealing: str
-    """Statement whether the truth could be found from the records."""
+    """Statement whether the truth can be found by trying seeds."""
     seed_commitment: str
     """SHA-256 of salt and seed; empty: the seed was chosen, or nothing is random."""
     unverified_numbers: Mapping[str, str]
