@@ -53,7 +53,7 @@ def film_of(
     Parameters
     ----------
     station
-        Station that fires balls at the bat.
+        Station that fires balls at the bat and has a camera.
     plan
         Shots of the first round.
     specimen

@@ -5,8 +5,8 @@
 The common parts (procedure, surrogate of the nominal bat's collision) are made once. The
 laboratories have the numbers 0, 1, … of one seed, as in ``certify --seed S --number n``. If the
 instruments record only summary values, laboratories are simulated side by side in blocks. A
-laboratory then takes a fraction of a millisecond for a nominal bat, and a twentieth of a second for
-an individual bat.
+laboratory then takes a fraction of a millisecond for a nominal bat, and about 20 ms for an
+individual bat.
 """
 
 from __future__ import annotations

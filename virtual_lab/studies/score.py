@@ -179,9 +179,9 @@ def hit_scores(
 ) -> Iterator[QuantityScore]:
     """Yield the e_A of each hit of the result, and then the metric of each hit.
 
-    The true values are those of the hit's own ball where it really hit. The u of the metric has two
-    parts: the scatter of the hits at one position, and the part of the certificate's u that all
-    hits share. There is no u without two hits at one position.
+    The true values are for the ball of the hit and its true impact position. The u of the metric
+    has two parts: the scatter of the hits at one position, and the part of the certificate's u that
+    all hits share. There is no u without two hits at one position.
 
     Parameters
     ----------
@@ -342,8 +342,8 @@ def _score_files(
 ) -> dict[str, Any]:
     """Return the fields on the scores, on the seed and on the faults of the day, keyed by name.
 
-    Of the `test` played again come the true metrics of the hits. Raises `InputError` if a key is
-    missing or has a wrong type.
+    `test` is the test played again, which has the true metrics of the hits. Raises `InputError` if
+    a key is missing or has a wrong type.
     """
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())

@@ -50,9 +50,8 @@ class LightBoardSpec(GateSheet):
     height_u: LengthsU  # standard uncertainty of the height of each board
     trip_spread: Length  # standard deviation of the depth at which a beam trips, between beams
     sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of shots with fragments
-    heights: Annotated[
-        tuple[float, ...], Dimension("length")
-    ] = ()  # heights of the boards' zeros; if empty, all are on the line of fire
+    # heights of the boards' zeros; if empty, all are on the line of fire
+    heights: Annotated[tuple[float, ...], Dimension("length")] = ()
     height_dof: Freedom = inf
 
     def __post_init__(self) -> None:
@@ -68,7 +67,7 @@ class LightBoardSpec(GateSheet):
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return distances and heights of the `constants` boards, and their number of beams."""
+        """Return the calibrated distances and heights of the boards, and their number of beams."""
         numbers = dict(GateSheet.numbers_in(self, records, constants))
         count = sum(key.startswith("height_") for key in constants)
         numbers["heights"] = tuple(constants[f"height_{at}"] for at in range(count))
@@ -105,9 +104,8 @@ class LightBoardSpec(GateSheet):
 class LightBoards(BallGates[LightBoardSpec]):
     """The light boards of a laboratory. The thresholds of their beams are on no certificate."""
 
-    trip_depths: (
-        Array  # threshold of each beam, added to the radius, ([laboratory,] board, beam) [m]
-    )
+    # threshold of each beam, added to the radius, ([laboratory,] board, beam) [m]
+    trip_depths: Array
 
     @classmethod
     def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:

@@ -35,8 +35,8 @@ class Obstacle(StrEnum):
     """Reason why a contact cannot be computed, in the order of precedence."""
 
     EDGE = "the ball strikes the edge of the bat's end, where no collision model holds"
-    GRAZED = "the ball grazes the bat by less than its roundness is known"
-    FOLLOWED = "the bat follows faster than the ball leaves it: no such e_A can be"
+    GRAZED = "the ball only grazes the bat: it does not approach the surface"
+    FOLLOWED = "the bat would pass through the ball: no contact has such an e_A"
     MANY = "more than 100 contacts in one record"
 
 
