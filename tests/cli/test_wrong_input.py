@@ -326,7 +326,11 @@ CASES: dict[str, Case] = {
     "a unit mistyped": (bat(('"in"', '"inch"')), "profile mine.toml", ["did you mean in?"]),
     "a unit in capitals": (bat(('"GPa"', '"GPA"')), "profile mine.toml", ["did you mean GPa"]),
     "a number as a text": (bat(("644.3", '"644.3"')), "profile mine.toml", ["density", "number"]),
-    "a comma for a point": (bat(("644.3", "644,3")), "profile mine.toml", ["cannot be parsed"]),
+    "a comma for a point": (
+        bat(("644.3", "644,3")),
+        "profile mine.toml",
+        ["cannot be parsed", "point"],
+    ),
     "digits of another script": (bat(("644.3", "٦٤٤")), "profile mine.toml", ["cannot be parsed"]),
     "a date for a number": (bat(("644.3", "2026-01-02")), "profile mine.toml", ["finite number"]),
     "a number of 400 digits": (

@@ -87,8 +87,8 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
     """Each share has half its Clopper-Pearson interval; of three laboratories, to first order."""
     answer = found.text.split("Probability of PASS by ")[1]
     assert answer.startswith(f"{TIGHT.name}, with the limit 1.2")
-    title, first, second = re.split(r"ability of |(?<=%\)), ", found.text.partition("\n")[0])
-    assert title.startswith("A bat at the limit passes one test with")
+    title, first, second = re.split(r"ability of |(?<=\)), ", found.text.partition("\n")[0])
+    assert title.startswith("A bat such as r161 at the limit passes one test with")
     assert f" % by {TIGHT.name} (INVALID: " in first
     assert " % by astm-f1881 (valid_hits=24, attempts=72) (INVALID: " in second
     chances = [100 * row.pass_probability for row in answers(found, 1)]
@@ -123,7 +123,7 @@ def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
         assert np.interp(end, true, shares) == pytest.approx(share, abs=0.03)
     at_limit = answers(found, 1)[0]
     invalid = 1 - at_limit.pass_probability / at_limit.pass_probability_if_valid
-    assert f"(INVALID: {100 * invalid:.0f} %)" in first
+    assert f"(INVALID: {100 * invalid:.0f} %; 5 % with the limit {strict:.4f})" in first
     assert invalid > 0.1
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 DEEPEST = 32  # largest nesting depth of a document; the files of this project have six levels
 # pattern of a dotted key that is nested too deeply
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
+COMMA = re.compile(r"= *-?\d+,\d")  # a number with a decimal comma
 NESTED = f"is nested deeper than {DEEPEST} levels"
 EMPTY_CELL = re.compile(rb"(?<=[,\n])(?=[,\r\n])")
 LITTER = ("._*", ".DS_Store", "Thumbs.db", "desktop.ini")  # files that a system adds to a folder
@@ -109,7 +110,8 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
     try:
         document = tomllib.loads(text)
     except ValueError as fault:  # syntax error, or an integer with thousands of digits
-        raise InputError(where, "TOML", None, f"cannot be parsed: {fault}") from fault
+        hint = "; a decimal point is needed, not a comma" if COMMA.search(text) else ""
+        raise InputError(where, "TOML", None, f"cannot be parsed: {fault}{hint}") from fault
     except RecursionError as fault:
         raise InputError(where, "TOML", None, NESTED) from fault
     _require_shallow(document, where, "TOML")

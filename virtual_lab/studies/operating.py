@@ -206,10 +206,12 @@ def operating(
         answers.extend(_decided_by_chance(one[:POINTS]))
         answers.extend(_other_rules(round_robin, seed))
         invalid = f"INVALID: {100 * one[POINTS].invalid_probability:.0f} %"
-        titles.append(f"{_best_of(1, one[POINTS])} by {rules.name} ({invalid})")
+        strict = f"5 % with the limit {with_unit(accepted[0][0], printed.unit, '.4f')}"
+        titles.append(f"{_best_of(1, one[POINTS])} by {rules.name} ({invalid}; {strict})")
+    start = f"A bat such as {rows[0].bat} at the limit passes one test with a probability of"
     return OperatingCurves(
         name="operating",
-        title=f"A bat at the limit passes one test with a probability of {', '.join(titles)}",
+        title=f"{start} {', '.join(titles)}",
         rows=[*dict.fromkeys(rows)],  # the curve and the answers have the limit
         words="\n\n".join((WORDS, *answers)),
         acceptance_limits=acceptance_limits,

@@ -169,10 +169,11 @@ def profile(
     more
         Further bats, instead of a list.
     swings
-        Exponent n of the swing law, 0 to 0.5. The speed of a bat with the moment of inertia I is
-        that of the game, multiplied by (17000 oz in^2 / I)^n. With 0 all bats are swung at the same
-        speed. One bat has one exponent, by default 0. For several bats the default is 0 and 0.5;
-        swings of players suggest about 0.3 (unverified).
+        Exponent n of the swing law, 0 to 0.5. The speed of a bat with the moment of inertia I,
+        about a point 1 in from the knob end, is that of the game, multiplied by
+        (17000 oz in^2 / I)^n. With 0 all bats are swung at the same speed. One bat has one
+        exponent, by default 0. For several bats the default is 0 and 0.5; swings of players suggest
+        about 0.3 (unverified).
     ball
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
