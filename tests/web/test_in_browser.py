@@ -30,6 +30,10 @@ return frame.offsetHeight < whole.scrollHeight || whole.scrollWidth > whole.clie
 IN_VIEW = """[one(".stage path"), one(".view")].map(each => each.getBoundingClientRect())
 .reduce((cross, view) => view.left <= cross.left && cross.right <= view.right)"""
 
+# the number of prints of the certificate alone
+COUNT_PRINTS = """() => { prints = 0;
+one("iframe").contentWindow.addEventListener("beforeprint", () => prints++); }"""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -116,6 +120,22 @@ def a_file_that_is_not_stored_holds_a_form_back(page: Any) -> None:
     page.unroute("**/upload?*")
 
 
+def a_certificate_is_printed_alone(page: Any) -> None:
+    """By the button and by Ctrl-P; by the menu of the browser its text, without the page."""
+    for place, key in (("[data-print]", "Shift"), ("h1", "Control+p"), ("iframe", "Control+p")):
+        page.reload()  # a browser without a window has one print per page
+        page.evaluate(COUNT_PRINTS)
+        page.click(place)
+        page.keyboard.press(key)
+        assert page.evaluate("prints") == 1
+    page.emulate_media(media="print")
+    printed = page.inner_text("body").strip()
+    assert page.locator("iframe").is_hidden()
+    assert "Results stay" not in printed
+    assert printed.rpartition("\n")[2].startswith("  sealed: ")
+    page.emulate_media(media="screen")
+
+
 def test_a_coach_by_mouse(page: Any) -> None:
     """From the start page to the certificate, its score, and back."""
     page.click("text=Does this bat pass?")
@@ -126,6 +146,7 @@ def test_a_coach_by_mouse(page: Any) -> None:
     page.wait_for_selector("iframe")
     assert page.inner_text("h1").startswith("FAIL: e 0.")
     assert page.locator("[href*='/form/report?']").count() == 0  # there is only one
+    a_certificate_is_printed_alone(page)
     result = urlsplit(page.url).path
     page.click("text=How far from the truth")
     assert page.input_value("[name=folder]").endswith("ea70-bbcor")

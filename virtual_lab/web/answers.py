@@ -13,7 +13,8 @@ KEPT = {"Cache-Control": "private, max-age=600"}  # header of responses that do 
 # a page with scripts or addresses of others shows nothing of them
 SANDBOX = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
-    "frame-ancestors 'self'; sandbox allow-same-origin"  # otherwise a link back has no cookie
+    # otherwise a link back has no cookie, and nothing is printed
+    "frame-ancestors 'self'; sandbox allow-same-origin allow-modals"
 }
 KINDS = {"css": "text/css", "js": "text/javascript", "svg": "image/svg+xml"}
 

@@ -12,11 +12,19 @@ async function follow() {
   setTimeout(follow, 500);
 }
 if (running) setTimeout(follow, 500); else setInterval(() => fetch("/icon.svg", { cache: "reload" }).catch(() => 0), 60000);
-// a page in full height, and its print
+// a page in full height, and its print, also by Ctrl-P: a frame in a print is cut at the ends of the pages
 all("iframe").forEach(frame => {
   const fit = () => { frame.style.height = `${frame.contentDocument.documentElement.offsetHeight + 24}px`; };
-  addEventListener("load", () => new ResizeObserver(fit).observe(frame.contentDocument.documentElement));
-  one("[data-print]").addEventListener("click", () => frame.contentWindow.print());
+  const print = event => {
+    if (event.key && !(event.key === "p" && (event.ctrlKey || event.metaKey))) return;
+    event.preventDefault();
+    frame.contentWindow.print();
+  };
+  addEventListener("load", () => {
+    new ResizeObserver(fit).observe(frame.contentDocument.documentElement);
+    [window, frame.contentWindow].forEach(each => each.addEventListener("keydown", print));
+  });
+  one("[data-print]").addEventListener("click", print);
 });
 // uploads with progress
 const send = (file, name, bar) => new Promise((resolve, reject) => {
