@@ -95,6 +95,11 @@ def test_a_form_has_all_fields_in_words_of_the_page_and_keeps_its_example(
     assert sorted(shell_words(again)) == sorted(shell_words(expected))
 
 
+def test_boxes_that_were_not_ticked_stay_so(visitor: Visitor) -> None:
+    pages = (visitor.ask(f"/form/sweep{values}").text for values in ("", "?all=yes"))
+    assert [" checked" in page for page in pages] == [True, False]
+
+
 def test_a_form_folds_most_fields_and_loads_no_simulation(tmp_path: Path) -> None:
     code = f"""if True:
     import sys

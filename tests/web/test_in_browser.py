@@ -156,7 +156,7 @@ def test_a_coach_by_mouse(page: Any) -> None:
 
 
 def test_a_rule_maker_by_keyboard(page: Any) -> None:
-    """A refused number has the focus and its sentence; then the run, and a change of it."""
+    """A refused number has the focus and its sentence; then the run, and its form again."""
     page.goto("/")
     enter(page, "text=Who passes by chance?")
     enter(page, "[name=laboratories]", "Control+a", *"many")
@@ -164,8 +164,12 @@ def test_a_rule_maker_by_keyboard(page: Any) -> None:
     words = page.get_attribute(":focus", "aria-describedby").split(" ")
     assert "“many” cannot be used" in page.inner_text(f"#{words[-1]}")
     assert faults_of(page) == []
+    assert "?all=yes&" in page.url  # a way back to this page asks for it and sends nothing
     enter(page, ":focus", "Control+a", *"20")
     page.wait_for_selector(".answer:has-text('passes one test')")
+    page.go_back()
+    assert page.input_value("[name=laboratories]") == "20"
+    page.go_forward()
     enter(page, "text=Change and run again")
     assert page.input_value("[name=laboratories]") == "20"
 

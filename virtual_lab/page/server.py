@@ -82,9 +82,10 @@ class Page:
     def ask(self, request: Request) -> Response:
         """Return the form of a command, with the values of an address or of an earlier run."""
         command, stated = self._command(request), request.query_params
-        run = self._earlier(request)
-        if run is None:
-            return self.form(command, {key: stated.getlist(key) for key in stated}, {})
+        if (run := self._earlier(request)) is None:
+            # with `all` the address states each field: one without a value is not ticked
+            keys = command.parameters if "all" in stated else stated
+            return self.form(command, {key: stated.getlist(key) for key in keys}, {})
         values = {key: texts(each) for key, each in run.call["values"].items()}
         return self.form(command, values, {run.outcome["field"]: run.outcome["refused"]})
 

@@ -26,6 +26,11 @@ all("iframe").forEach(frame => {
   });
   one("[data-print]").addEventListener("click", print);
 });
+// Back shows a form with its values, and no question whether to send them again
+const form = one("form.card");
+const keep = () => history.replaceState(null, "", `?${new URLSearchParams([["all", "yes"], ...[...new FormData(form)].filter(([, text]) => text)])}`);
+form?.addEventListener("submit", keep);
+if (form && !location.search && one(".wrong, .message")) keep();
 // uploads with progress
 const send = (file, name, bar) => new Promise((resolve, reject) => {
   const request = new XMLHttpRequest();
