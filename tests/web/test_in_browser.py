@@ -30,6 +30,8 @@ return frame.offsetHeight < whole.scrollHeight || whole.scrollWidth > whole.clie
 IN_VIEW = """[one(".stage path"), one(".view")].map(each => each.getBoundingClientRect())
 .reduce((cross, view) => view.left <= cross.left && cross.right <= view.right)"""
 
+# whether the browser asks before the page is left
+ASKS = "() => !dispatchEvent(new Event('beforeunload', {cancelable: true}))"
 # the number of prints of the certificate alone
 COUNT_PRINTS = """() => { prints = 0;
 one("iframe").contentWindow.addEventListener("beforeprint", () => prints++); }"""
@@ -42,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(folder: Path) -> Iterator[Any]:
-    """Serve the page as a double click does, and open it. No page has an error.
+    """Serve the page as a double click does, and open it. No page has an error or asks a question.
 
     A program without a window of text has no output on Windows. A kill also ends a run.
     """
@@ -55,6 +57,7 @@ def page(folder: Path) -> Iterator[Any]:
             page = browser.new_page(base_url=address, viewport={"width": 1280, "height": 900})
             page.set_default_timeout(120_000)
             page.on("pageerror", lambda fault: complaints.append(str(fault)))
+            page.on("dialog", lambda asked: (complaints.append(asked.type), asked.accept()))
             page.goto(address)
             assert "token" not in page.url
             yield page
@@ -319,6 +322,7 @@ def test_the_last_change_of_a_track_is_undone(page: Any, student: str) -> None:
     assert status.inner_text().endswith("flight 1")
     for name in ("Undo", "Run again"):  # nothing is changed
         assert buttons.filter(has_text=name).is_disabled()
+    assert not page.evaluate(ASKS)
 
 
 def test_a_track_without_a_position_gets_its_first_one(

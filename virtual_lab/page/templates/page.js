@@ -89,7 +89,7 @@ if (panel) {
   const field = name => one(`[name="${name}"]`);
   const numbers = name => (field(name)?.value.match(/[\d.]+/g) ?? []).map(Number);
   const kind = () => part("[type=radio]:checked")?.value;
-  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, first = [], rows = [], past = []; // first: rows of the result; past: functions that undo the changes
+  let size = null, cross = [0, 0], corner = null, drag = null, busy = null, first = [], rows = first, past = []; // first: rows of the result, or of the next one; past: functions that undo the changes
   const here = (among = rows) => among.find(row => +row.frame === +slide.value);
   const wrong = () => [flight, radius].find(each => each.validity.patternMismatch);
   // the drift of the camera in the shown frame, from those of the positions around it
@@ -234,6 +234,7 @@ if (panel) {
     if ("length" in target.dataset && field("scale").value) put("scale", `${field("scale").value.split("=")[0]}=${target.value.replace(/ /g, "")}`);
     draw();
   });
+  addEventListener("beforeunload", event => rows !== first && event.preventDefault());
   chosen.form.addEventListener("submit", async event => {
     sessionStorage[chosen.value] = slide.value; // kept if a field is refused
     if (!track) return;
@@ -241,6 +242,7 @@ if (panel) {
     const lines = [COLUMNS, ...rows.map(row => COLUMNS.map(name => row[name] ?? ""))];
     const name = `${chosen.value.split(/[\\/]/).at(-1)}-corrected.csv`;
     try { field("corrected").value = (await send(new Blob([lines.join("\n")]), name, {})).path; } catch (fault) { words.textContent = fault.message; return; }
+    first = rows;
     chosen.form.submit();
   });
   const load = async () => {
