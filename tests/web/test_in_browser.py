@@ -159,7 +159,7 @@ def test_a_coach_by_mouse(page: Any) -> None:
 
 
 def test_a_rule_maker_by_keyboard(page: Any) -> None:
-    """A refused number has the focus and its sentence; then the run, and its form again."""
+    """A refused number has the focus and its sentence; then the run, its form, and its plot."""
     page.goto("/")
     enter(page, "text=Who passes by chance?")
     enter(page, "[name=laboratories]", "Control+a", *"many")
@@ -173,8 +173,20 @@ def test_a_rule_maker_by_keyboard(page: Any) -> None:
     page.go_back()
     assert page.input_value("[name=laboratories]") == "20"
     page.go_forward()
+    with page.expect_popup() as plot:
+        press(page, "figure a", "Enter")
+    assert plot.value.eval_on_selector("img", "each => each.naturalWidth") > 640
+    plot.value.close()
     enter(page, "text=Change and run again")
     assert page.input_value("[name=laboratories]") == "20"
+
+
+def test_the_last_upload_is_the_first_choice(page: Any) -> None:
+    page.goto("/form/calibrate")
+    for name in ("a.png", "b.png"):
+        file = {"name": name, "mimeType": "image/png", "buffer": b"picture"}
+        page.set_input_files("[data-for=f-pictures] input:not([webkitdirectory])", file)
+        page.wait_for_selector(f".choices label:first-child:has-text('{name}') :checked")
 
 
 def shows(page: Any, frame: int) -> None:
@@ -310,6 +322,7 @@ def test_the_last_change_of_a_track_is_undone(page: Any, student: str) -> None:
     status, buttons = page.locator(".clip [role=status]"), page.get_by_role("button")
     press(page, ".stage", "PageDown", "Delete", "PageDown", "Delete")
     assert buttons.filter(has_text="Remove").is_disabled()
+    assert page.evaluate(ASKS)
     page.fill("[data-flight]", "7")  # flight of a position that is not set yet
     press(page, ".stage", "Control+z", "PageUp")
     assert status.inner_text().startswith("Frame 1: position removed;")

@@ -76,7 +76,10 @@ def test_a_fitted_bat_leads_to_its_profile_and_its_test(visitor: Visitor) -> Non
     for name in ("profile", "certify"):
         (place,) = re.findall(rf'href="(/form/{name}\?[^"]*)"', result.text)
         chosen = r'value="[^"]*fit-bat-measured\.toml" (checked|selected)'
-        assert re.search(chosen, visitor.ask(place).text)
+        page = visitor.ask(place).text
+        assert re.search(chosen, page)
+        boxes = re.findall('type="checkbox" name="bats" value="(.*?)"', page)
+        assert all("fit-bat-measured" in each for each in boxes[:1])  # the first one
 
 
 def names_in(archive: Page) -> set[str]:

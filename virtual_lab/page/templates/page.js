@@ -44,7 +44,8 @@ function offer(control, path, title) {
   if (control.tagName === "SELECT") control.add(new Option(title, path, true, true));
   else {
     const box = Object.assign(document.createElement("input"), { type: "checkbox", name: control.dataset.name, value: path, checked: true });
-    control.appendChild(document.createElement("label")).append(box, ` ${title}`);
+    control.prepend(document.createElement("label"));
+    control.firstChild.append(box, ` ${title}`);
   }
   control.dispatchEvent(new Event("change"));
 }
