@@ -127,7 +127,7 @@ class Certificate:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons of the verdict; () for PASS and if the procedure has no limit."""
+        """Reasons of FAIL or INVALID, or of the exemption of a bat from the test; otherwise ()."""
         return self.certification.reasons
 
     @property
