@@ -301,8 +301,10 @@ def test_an_empty_factor_has_the_spread_of_the_users_own_sheet(study: Path) -> N
     rules = vl.procedure("astm-f1881").with_(ball=str(ball)).save(study.with_name("rules.toml"))
     text = STUDY.replace('"astm-f1881"', f'"{rules}"')
     study.write_text(text.replace("[factors.wall]", "[factors.stiffness]\n[factors.wall]"))
-    rows = {row.term: row for row in vl.interlab(study, predict=True)}
+    found = vl.interlab(study, predict=True)
+    rows = {row.term: row for row in found}
     assert rows["stiffness"].factor_spread == "spread 2 %"
+    assert f"spread 2 %; {rows['stiffness'].source}" in " ".join(found.text.split())
     assert rows["stiffness"].predicted > 0
 
 
