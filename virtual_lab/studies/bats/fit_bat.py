@@ -50,11 +50,11 @@ PLACES_IN = np.arange(2.0, 10.01, 0.5)
 UNUSUAL = 2.5  # deviation of a parameter that is stated [typical spreads]; most bats: up to 2
 HINT = "'template measurements FILE' writes an empty form with all keys and units"
 WORDS = (
-    "e_A: free bat, ball of the game conditions, 160 mph; a certificate has those of its rules.\n"
+    "e_A: free bat, standard ball of its sport, 160 mph; a certificate has those of its rules.\n"
     "v_f: batted ball in the game, bat swung at the same angular speed as others (n = 0); its\n"
     "position, the sweet spot, is from the tip."
 )
-PEAK_PLACE, SWEET_SPOT = "position of peak e_A", "sweet spot"
+PEAK, PEAK_PLACE, SWEET_SPOT = "peak e_A", "position of peak e_A", "sweet spot"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
 
 
@@ -115,7 +115,8 @@ class FittedBat(StudyResult):
             f"{name} {value / INCH:+.1e} in" if name.startswith("node") else f"{name} {value:+.1e}"
             for name, value in self.fitted.misfits.items()
         )
-        top, place, _, spot = self.spread[-4:]
+        rows = {row.quantity: row for row in self.spread}
+        top, place, spot = rows[PEAK], rows[PEAK_PLACE], rows[SWEET_SPOT]
         answer = (
             f"peak e_A of {self.measured.name}: {top.value:.3f} ({top.lowest:.3f} to "
             f"{top.highest:.3f} among the bats that fit), {place.value:.1f} in from the tip"
@@ -279,12 +280,13 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
     """Return the units and the values of the quantities of a bat, in the same order."""
     values = compute_quantities(body, measured.inertia_axis, frequencies=2, nodes=2)
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
-    ball = catalog.load("balls", game.ball, BallSpec).spec
+    ball = catalog.load("balls", game.ball_of(measured.sport), BallSpec).spec
     z = PLACES_IN * INCH
     moving = np.asarray(bat_speed(game.angular_speed, beam_of(body).length, z))
-    scenes = Scenes.with_ball(ball, impact_position=z, relative_speed=160 * MPH)
-    e_A = ModalModel.of(body, Free()).collide(scenes).collision_efficiency
-    v_f = np.asarray(batted_speed(e_A, game.pitch_speed, moving))
+    speeds = np.concatenate([np.full(z.size, 160 * MPH), game.pitch_speed + moving])
+    scenes = Scenes.with_ball(ball, impact_position=np.tile(z, 2), relative_speed=speeds)
+    e_A, in_game = np.split(ModalModel.of(body, Free()).collide(scenes).collision_efficiency, 2)
+    v_f = np.asarray(batted_speed(in_game, game.pitch_speed, moving))
     top, fastest = peak(PLACES_IN, e_A), peak(PLACES_IN, v_f / MPH)
     rows = [
         *((name, HOOP_UNITS[name], value) for name, value in hoop_quantities(body).items()),
@@ -296,7 +298,7 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
             (f"e_A at {z:g} in", "1", float(e_A[z == PLACES_IN][0]))
             for z in (3.0, 5.0, 6.0, 7.0, 9.0)
         ),
-        ("peak e_A", "1", top.value),
+        (PEAK, "1", top.value),
         (PEAK_PLACE, "in", top.place),
         ("largest v_f", "mph", fastest.value),
         (SWEET_SPOT, "in", fastest.place),

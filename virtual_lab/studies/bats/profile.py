@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Gt
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
+from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, BatSport, Dimension, Spec
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
@@ -71,9 +71,9 @@ class GameConditions(Spec):
     reference_inertia: Annotated[float, Gt(0), Dimension("inertia")]
     energy_swing: EnergySwingSpec
 
-    def ball_of(self, bat: BatSpec) -> str:
-        """Return the name of the standard ball for the sport of a bat."""
-        return self.softball if bat.sport == "softball" else self.ball
+    def ball_of(self, sport: BatSport | None) -> str:
+        """Return the name of the standard ball for the sport of a bat; None: not stated."""
+        return self.softball if sport == "softball" else self.ball
 
     def swing(self, exponent: float | None, reference_inertia: float | None = None) -> SwingLaw:
         """Return the swing law with an exponent, Eq. (14) of Nathan (2003), or of constant energy.
@@ -197,7 +197,7 @@ def profiles(
 
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     spec = catalog.load_bat(bat).spec
-    ball = game.ball_of(spec) if ball is None else ball
+    ball = game.ball_of(spec.sport) if ball is None else ball
     struck = catalog.load("balls", ball, BallSpec).spec
     beam, model = beam_of(spec.body), free_model(spec.body)
     z = POSITIONS * INCH
