@@ -53,15 +53,14 @@ def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None
     return next(iter(_rank(single, u, cost)), None)
 
 
-def simplest(u: Array, cost: Array, target: float, most: float, exchanges: int) -> Index | None:
-    """Return the index of the cheapest plan that reaches the target with few exchanges.
+def cheapest_with_fewer(u: Array, cost: Array, target: float, exchanges: int) -> Index | None:
+    """Return the index of the cheapest plan that reaches the target with fewer exchanges.
 
-    It has fewer than `exchanges` exchanged instruments, and costs less than `most` [unit of
-    `cost`]. The result is None if there is no such plan. The other arguments are those of
-    `cheapest`.
+    It exchanges fewer than `exchanges` instruments. The result is None if there is no such plan.
+    The other arguments are those of `cheapest`.
     """
-    few = _exchanges(u).reshape(-1, *(1,) * (u.ndim - 1)) < exchanges
-    return next(iter(_rank(few & (cost < most) & (u <= target), u, cost)), None)
+    fewer = _exchanges(u).reshape(-1, *(1,) * (u.ndim - 1)) < exchanges
+    return next(iter(_rank(fewer & (u <= target), u, cost)), None)
 
 
 def irreducible(reaches: Mask) -> Mask:

@@ -15,7 +15,7 @@ import numpy as np
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
 from virtual_lab.output.tables import column
-from virtual_lab.studies.plan.choosing import Index, cheapest, simplest
+from virtual_lab.studies.plan.choosing import Index, cheapest, cheapest_with_fewer
 from virtual_lab.studies.plan.laboratory import PlannedLaboratory
 from virtual_lab.studies.plan.prediction import Counts
 from virtual_lab.studies.plan.prices import Prices
@@ -154,8 +154,8 @@ class Search:
         u, _ = self.estimates()
         for at in self.simulated:
             u[at] = inf
-        fewer = simplest(u, self.cost, self.target, self._near, self._best[0][0].bit_count())
-        return [fewer] if fewer else []
+        fewer = cheapest_with_fewer(u, self.cost, self.target, self._best[0][0].bit_count())
+        return [fewer] if fewer and self.cost[fewer] < self._near else []
 
     def _promising(self) -> list[Index]:
         """Return the plan with the largest expected saving per test, if it is not small.
