@@ -345,7 +345,7 @@ class _Variants:
         """
         difference = self.metrics - metric  # NaN: a barrel too soft for a result
         brackets = np.flatnonzero(difference[1:] * difference[:-1] < 0)
-        factor = float(FACTORS[np.nanargmin(np.abs(difference))])
+        factor = float(FACTORS[np.nan_to_num(np.abs(difference), nan=np.inf).argmin()])
         if brackets.size:
             from scipy.optimize import brentq
 
