@@ -292,7 +292,7 @@ class BatSpread(Spec):
     density_tilt: Spread  # tilt of the density between tip and knob
 
 
-NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)  # of a single specimen
+NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)  # spread of one specimen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -549,7 +549,7 @@ class CertificateDocument(Spec):
     verdict: Literal["PASS", "FAIL", "INVALID", "MEASURED"]
     """Verdict; MEASURED: the procedure has no limit."""
     marginal: YesNo
-    """Whether the limit decides the verdict and lies within the 95 % interval."""
+    """True if the limit decides the verdict and is inside the 95 % interval."""
     risk: RiskStated | None
     """Risk of a wrong verdict; null: no uncertainty, or the limit alone does not decide."""
     decision_rule: str

@@ -137,7 +137,7 @@ class Runs:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.lock = folder, Lock()
-        self.workers: dict[int, Worker] = {}  # of the runs in progress
+        self.workers: dict[int, Worker] = {}  # processes of the runs in progress, by number
 
     def start(self, command: Command, values: Values, of: StartedRun | None) -> StartedRun:
         """Start a run. Raises `InputError` for values that are not allowed, or if two are running.

@@ -254,7 +254,7 @@ def read_particulars(file: Path | Mapping[str, Any] | None) -> Particulars:
         The file cannot be read, a key is unknown, a value cannot be printed, a day is not a date,
         or days are in the wrong order. The message names file, key, value and what is allowed.
     """
-    if isinstance(file, Path) and file.is_dir():  # of a laboratory
+    if isinstance(file, Path) and file.is_dir():  # the folder of a laboratory
         file = file / PARTICULARS if (file / PARTICULARS).exists() else None
     if isinstance(file, Path):
         return particulars_of(read_toml(file), str(file), folder=file.parent)

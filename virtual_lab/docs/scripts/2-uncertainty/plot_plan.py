@@ -5,7 +5,8 @@ The quickest way to a smaller uncertainty
 Two plans that lower u of the bat performance factor (BPF; R161, ASTM F1881) to
 0.004. Named: what is exchanged for one with half the u and scatter. Marks:
 median u of 200 simulated laboratories, ± 2 standard errors; crosses: predicted
-by the budget. A better cannon aims closer; with a better stand no hit is added.
+by the budget. A better cannon aims closer; with a better balance stand
+no hit is added.
 """
 
 import matplotlib.pyplot as plt
