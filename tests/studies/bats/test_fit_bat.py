@@ -167,6 +167,8 @@ def test_the_picture_has_the_spread_in_percent(weighed: tuple[Path, FittedBat]) 
     ]
     assert lines_of(figure) == [pytest.approx((low, 0.0, high)) for low, high in ends]
     dots = [each for each in figure.axes[0].lines if len(each.get_xdata()) == 1]
+    labels = [each.get_text() for each in figure.axes[0].get_yticklabels()]
+    assert not any(each.endswith(" 1") for each in labels)
     hollow = [each.get_markerfacecolor() == "white" for each in dots]
     assert hollow == [not row.is_measured for row in spread]
 

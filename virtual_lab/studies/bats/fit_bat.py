@@ -148,7 +148,7 @@ class FittedBat(StudyResult):
         for row in self.spread:
             if row.value:
                 low, high = sorted(100 * (end / row.value - 1) for end in (row.lowest, row.highest))
-                name = f"{row.quantity}, {row.value:.4g} {row.unit}".rstrip()
+                name = f"{row.quantity}, {row.value:.4g} {row.unit}".removesuffix(" 1")
                 intervals.append(Interval(name, 0.0, low, high, hollow=not row.is_measured))
         label = "range over the bats that fit, relative to this bat, %"
         return draw_intervals(intervals, self.title, label, hollow="not measured")
